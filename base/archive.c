@@ -13,59 +13,62 @@ struct archive archive_reader(const void *bytes, size_t count)
 
 struct archive archive_writer(void) { return (struct archive){0}; }
 
-static bool make_room(struct archive *a, size_t wanted)
+static bool make_room(struct archive *archive, size_t wanted)
 {
-    if (a->failed || wanted <= a->capacity)
-        return !a->failed;
+    if (archive->failed || wanted <= archive->capacity)
+        return !archive->failed;
     const size_t capacity = 2 * wanted;
-    uint8_t *grown = realloc(a->bytes, capacity);
+    uint8_t *grown = realloc(archive->bytes, capacity);
     if (!grown) {
-        a->failed = a->out_of_memory = true;
+        archive->failed = archive->out_of_memory = true;
         return false;
     }
-    a->bytes = grown;
-    a->capacity = capacity;
+    archive->bytes = grown;
+    archive->capacity = capacity;
     return true;
 }
 
-void archive_bytes(struct archive *a, void *value, size_t count)
+void archive_bytes(struct archive *archive, void *value, size_t count)
 {
-    if (!a->reading && make_room(a, a->count + count)) {
+    if (!archive->reading && make_room(archive, archive->count + count)) {
         if (count)
-            memcpy(a->bytes + a->count, value, count);
-        a->count += count;
+            memcpy(archive->bytes + archive->count, value, count);
+        archive->count += count;
     }
-    if (!a->reading)
+    if (!archive->reading)
         return;
-    a->failed |= count > a->count - a->at;
-    if (a->failed) {
+    archive->failed |= count > archive->count - archive->at;
+    if (archive->failed) {
         memset(value, 0, count);
         return;
     }
-    memcpy(value, a->bytes + a->at, count);
-    a->at += count;
+    memcpy(value, archive->bytes + archive->at, count);
+    archive->at += count;
 }
 
-void archive_array(struct archive *a, void **array, int *count, size_t each)
+void archive_array(struct archive *archive, void **array, int *count, size_t each)
 {
     int32_t number = *count;
-    ARCHIVE(a, number);
-    if (!a->reading) {
-        archive_bytes(a, *array, (size_t)number * each);
+    ARCHIVE(archive, number);
+    if (!archive->reading) {
+        archive_bytes(archive, *array, (size_t)number * each);
         return;
     }
     *array = NULL;
     *count = 0;
-    a->failed |= number < 0 || (size_t)number > (a->count - a->at) / each;
-    if (a->failed)
+    archive->failed |= number < 0 || (size_t)number > (archive->count - archive->at) / each;
+    if (archive->failed)
         return;
     *array = malloc((size_t)number * each + 1);
     if (!*array) {
-        a->failed = a->out_of_memory = true;
+        archive->failed = archive->out_of_memory = true;
         return;
     }
-    archive_bytes(a, *array, (size_t)number * each);
+    archive_bytes(archive, *array, (size_t)number * each);
     *count = number;
 }
 
-bool archive_is_whole(const struct archive *a) { return !a->failed && (!a->reading || a->at == a->count); }
+bool archive_is_whole(const struct archive *archive)
+{
+    return !archive->failed && (!archive->reading || archive->at == archive->count);
+}

@@ -13,12 +13,12 @@ struct archive {
 struct archive archive_reader(const void *bytes, size_t count);
 struct archive archive_writer(void);
 
-void archive_bytes(struct archive *a, void *value, size_t count);
+void archive_bytes(struct archive *archive, void *value, size_t count);
 // An array of *count elements of `each` bytes, and *count itself. Reading allocates it (at least one byte; the caller
 // frees it), except where it fails: *array is then NULL.
-void archive_array(struct archive *a, void **array, int *count, size_t each);
+void archive_array(struct archive *archive, void **array, int *count, size_t each);
 
 #define ARCHIVE(a, value) archive_bytes((a), &(value), sizeof(value))
 
 // Reading: everything was read and nothing is left. Writing: nothing failed.
-bool archive_is_whole(const struct archive *a);
+bool archive_is_whole(const struct archive *archive);

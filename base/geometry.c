@@ -1,4 +1,5 @@
 #include "base/geometry.h"
+
 #include "base/portable_math.h"
 
 struct vec3 v3_perpendicular(struct vec3 a)
@@ -137,10 +138,10 @@ struct pose pose_inverse(struct pose a_from_b)
     return (struct pose){back, v3_scale(quat_rotate(back, a_from_b.translation), -1)};
 }
 
-bool pose_finite(struct pose p)
+bool pose_finite(struct pose pose)
 {
-    return v3_finite(p.translation) && isfinite(p.rotation.x) && isfinite(p.rotation.y) && isfinite(p.rotation.z) &&
-           isfinite(p.rotation.w);
+    return v3_finite(pose.translation) && isfinite(pose.rotation.x) && isfinite(pose.rotation.y) &&
+           isfinite(pose.rotation.z) && isfinite(pose.rotation.w);
 }
 
 double pose_angle(struct pose a, struct pose b)

@@ -15,12 +15,12 @@ bool lens_equal(const struct lens *a, const struct lens *b)
 
 struct lens lens_resized(const struct lens *lens, double share)
 {
-    const double least_px = 16;
+    const double min_px = 16;
     struct lens l = *lens;
     if (share == 1)
         return l;
-    l.width = (int)fmax(fmin(least_px, lens->width), round(lens->width * share));
-    l.height = (int)fmax(fmin(least_px, lens->height), round(lens->height * share));
+    l.width = (int)fmax(fmin(min_px, lens->width), round(lens->width * share));
+    l.height = (int)fmax(fmin(min_px, lens->height), round(lens->height * share));
     const double kx = (double)l.width / lens->width, ky = (double)l.height / lens->height;
     l.fx *= kx, l.fy *= ky;
     l.cx = (l.cx + 0.5) * kx - 0.5, l.cy = (l.cy + 0.5) * ky - 0.5; // (0, 0) is a pixel's centre
@@ -28,61 +28,61 @@ struct lens lens_resized(const struct lens *lens, double share)
 }
 
 // Brown-Conrady on the plane z = 1: (x, y) ideal to distorted.
-static void distort(const struct lens *l, double x, double y, double *xd, double *yd)
+static void distort_point(const struct lens *lens, double x, double y, double *xd, double *yd)
 {
     double r2 = x * x + y * y;
-    double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
-    *xd = x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
-    *yd = y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y;
+    double radial = 1 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
+    *xd = x * radial + 2 * lens->p1 * x * y + lens->p2 * (r2 + 2 * x * x);
+    *yd = y * radial + lens->p1 * (r2 + 2 * y * y) + 2 * lens->p2 * x * y;
 }
 
-struct pixel lens_project(const struct lens *l, struct vec3 p)
+struct pixel lens_project(const struct lens *lens, struct vec3 p)
 {
     double x = p.x / p.z, y = p.y / p.z, xd, yd;
-    distort(l, x, y, &xd, &yd);
-    return (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
+    distort_point(lens, x, y, &xd, &yd);
+    return (struct pixel){lens->fx * xd + lens->cx, lens->fy * yd + lens->cy};
 }
 
-double lens_max_radius2(const struct lens *l)
+double lens_max_radius2(const struct lens *lens)
 {
     double largest = 0;
     const struct pixel corners[] = {
-        {-0.5, -0.5}, {l->width - 0.5, -0.5}, {-0.5, l->height - 0.5}, {l->width - 0.5, l->height - 0.5}};
+        {-0.5, -0.5}, {lens->width - 0.5, -0.5}, {-0.5, lens->height - 0.5}, {lens->width - 0.5, lens->height - 0.5}};
     for (int i = 0; i < 4; i++) {
-        struct vec3 ray = lens_ray(l, corners[i]);
+        struct vec3 ray = lens_ray(lens, corners[i]);
         largest = fmax(largest, ray.x * ray.x + ray.y * ray.y);
     }
     return largest * 1.21;
 }
 
-struct pixel lens_project_clamped(const struct lens *l, double largest_r2, struct vec3 p)
+struct pixel lens_project_clamped(const struct lens *lens, double largest_r2, struct vec3 p)
 {
     double x = p.x / p.z, y = p.y / p.z, r2 = largest_r2;
     if (x * x + y * y <= r2)
-        return lens_project(l, p);
-    double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
-    return (struct pixel){l->fx * x * radial + l->cx, l->fy * y * radial + l->cy};
+        return lens_project(lens, p);
+    double radial = 1 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
+    return (struct pixel){lens->fx * x * radial + lens->cx, lens->fy * y * radial + lens->cy};
 }
 
-struct vec3 lens_ray(const struct lens *l, struct pixel px)
+struct vec3 lens_ray(const struct lens *lens, struct pixel px)
 {
-    double xd = (px.x - l->cx) / l->fx, yd = (px.y - l->cy) / l->fy;
-    if (lens_is_ideal(l))
+    double xd = (px.x - lens->cx) / lens->fx, yd = (px.y - lens->cy) / lens->fy;
+    if (lens_is_ideal(lens))
         return v3(xd, yd, 1);
     double x = xd, y = yd;
     for (int i = 0; i < 20; i++) {
         double fx, fy;
-        distort(l, x, y, &fx, &fy);
+        distort_point(lens, x, y, &fx, &fy);
         double ex = fx - xd, ey = fy - yd;
         if (ex * ex + ey * ey < 1e-20)
             break;
         // Newton with the analytic Jacobian of distort()
         double r2 = x * x + y * y;
-        double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
-        double slope = 2 * (l->k1 + r2 * (2 * l->k2 + 3 * r2 * l->k3)); // d radial / d x = slope * x
-        double a = radial + slope * x * x + 2 * l->p1 * y + 6 * l->p2 * x;
-        double b = slope * x * y + 2 * l->p1 * x + 2 * l->p2 * y;
-        double d = radial + slope * y * y + 6 * l->p1 * y + 2 * l->p2 * x;
+        double radial = 1 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
+        double slope = 2 * (lens->k1 + r2 * (2 * lens->k2 + 3 * r2 * lens->k3)); // d radial / d x = slope * x
+        double a = radial + slope * x * x + 2 * lens->p1 * y + 6 * lens->p2 * x;
+        double b = slope * x * y + 2 * lens->p1 * x + 2 * lens->p2 * y;
+        double d = radial + slope * y * y + 6 * lens->p1 * y + 2 * lens->p2 * x;
         double det = a * d - b * b;
         if (!(fabs(det) > 1e-12))
             break;
@@ -94,20 +94,20 @@ struct vec3 lens_ray(const struct lens *l, struct pixel px)
 
 // Whether the image's rim can be traced back: each of its pixels has a ray that projects to it. Beyond the fold of a
 // strong distortion none does, and Newton's method would give some other one.
-static bool is_invertible(const struct lens *l)
+static bool is_invertible(const struct lens *lens)
 {
     enum { ALONG = 8 };
-    const double most_px = 0.1;
-    if (lens_is_ideal(l))
+    const double max_px = 0.1;
+    if (lens_is_ideal(lens))
         return true;
     for (int i = 0; i < 4 * ALONG; i++) {
-        const double along = i / 4 / (double)(ALONG - 1), x = along * (l->width - 1), y = along * (l->height - 1);
-        const struct pixel rim[4] = {{x, 0}, {x, l->height - 1}, {0, y}, {l->width - 1, y}}, at = rim[i % 4];
-        const struct vec3 ray = lens_ray(l, at);
-        const struct pixel back = lens_project(l, ray);
+        const double along = i / 4 / (double)(ALONG - 1), x = along * (lens->width - 1), y = along * (lens->height - 1);
+        const struct pixel rim[4] = {{x, 0}, {x, lens->height - 1}, {0, y}, {lens->width - 1, y}}, at = rim[i % 4];
+        const struct vec3 ray = lens_ray(lens, at);
+        const struct pixel back = lens_project(lens, ray);
         // On the near side of the fold, distances from the axis grow with the ray's.
-        const double out = ray.x * (at.x - l->cx) / l->fx + ray.y * (at.y - l->cy) / l->fy;
-        if (!(fabs(back.x - at.x) <= most_px && fabs(back.y - at.y) <= most_px && out >= 0))
+        const double out = ray.x * (at.x - lens->cx) / lens->fx + ray.y * (at.y - lens->cy) / lens->fy;
+        if (!(fabs(back.x - at.x) <= max_px && fabs(back.y - at.y) <= max_px && out >= 0))
             return false;
     }
     return true;
@@ -115,12 +115,12 @@ static bool is_invertible(const struct lens *l)
 
 // How far the distortion moves pixels halfway from the centre to the corners. (At the corners themselves a fitted
 // polynomial may be anything.)
-static bool is_moderate(const struct lens *l)
+static bool is_moderate(const struct lens *lens)
 {
-    const double x = 0.25 * l->width / l->fx, y = 0.25 * l->height / l->fy, r2 = x * x + y * y;
-    const double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+    const double x = 0.25 * lens->width / lens->fx, y = 0.25 * lens->height / lens->fy, r2 = x * x + y * y;
+    const double radial = 1 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
     return radial >= 1 / LENS_MAX_RADIAL && radial <= LENS_MAX_RADIAL &&
-           (fabs(l->p1) + fabs(l->p2)) * sqrt(r2) <= LENS_MAX_RADIAL;
+           (fabs(lens->p1) + fabs(lens->p2)) * sqrt(r2) <= LENS_MAX_RADIAL;
 }
 
 enum status lens_check(const struct lens *l, const char *what)

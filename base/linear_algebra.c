@@ -6,7 +6,7 @@
 static const double PIVOT_ROUNDING = 0x1p-53;
 
 // Entry (i, j) of A less what the columns before j account for.
-static double remaining(const double *a, int n, int i, int j)
+static double reduced_entry(const double *a, int n, int i, int j)
 {
     double sum = a[i * n + j];
     for (int k = 0; k < j; k++)
@@ -18,9 +18,9 @@ bool cholesky_factor(double *a, int n)
 {
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < i; j++)
-            a[i * n + j] = remaining(a, n, i, j) / a[j * n + j];
+            a[i * n + j] = reduced_entry(a, n, i, j) / a[j * n + j];
         // What is left of the diagonal element, but for the rounding of the subtractions.
-        const double pivot = remaining(a, n, i, i);
+        const double pivot = reduced_entry(a, n, i, i);
         if (!(pivot > PIVOT_ROUNDING * n * a[i * n + i] && isfinite(pivot)))
             return false;
         a[i * n + i] = sqrt(pivot);
@@ -32,8 +32,8 @@ void cholesky_factor_clamped(double *a, int n, double min_pivot)
 {
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < i; j++)
-            a[i * n + j] = remaining(a, n, i, j) / a[j * n + j];
-        a[i * n + i] = sqrt(fmax(remaining(a, n, i, i), min_pivot));
+            a[i * n + j] = reduced_entry(a, n, i, j) / a[j * n + j];
+        a[i * n + i] = sqrt(fmax(reduced_entry(a, n, i, i), min_pivot));
     }
 }
 
@@ -121,10 +121,10 @@ bool marginal_information(const double *a, int n, bool second, double *out)
 
 // ---------------------------------------------------------------- covariance
 
-double covariance3_along(const struct covariance3 *c, struct vec3 v)
+double covariance3_along(const struct covariance3 *covariance3, struct vec3 v)
 {
-    return v.x * (c->xx * v.x + 2 * (c->xy * v.y + c->xz * v.z)) + v.y * (c->yy * v.y + 2 * c->yz * v.z) +
-           v.z * c->zz * v.z;
+    return v.x * (covariance3->xx * v.x + 2 * (covariance3->xy * v.y + covariance3->xz * v.z)) +
+           v.y * (covariance3->yy * v.y + 2 * covariance3->yz * v.z) + v.z * covariance3->zz * v.z;
 }
 
 struct covariance3 covariance3_isotropic(double variance)
@@ -138,9 +138,10 @@ struct covariance3 covariance3_add(const struct covariance3 *a, const struct cov
                                 a->yy + b->yy, a->yz + b->yz, a->zz + b->zz};
 }
 
-struct covariance3 covariance3_scale(const struct covariance3 *c, double s)
+struct covariance3 covariance3_scale(const struct covariance3 *covariance3, double s)
 {
-    return (struct covariance3){s * c->xx, s * c->xy, s * c->xz, s * c->yy, s * c->yz, s * c->zz};
+    return (struct covariance3){s * covariance3->xx, s * covariance3->xy, s * covariance3->xz,
+                                s * covariance3->yy, s * covariance3->yz, s * covariance3->zz};
 }
 
 struct covariance3 covariance3_outer(struct vec3 v)
@@ -148,10 +149,12 @@ struct covariance3 covariance3_outer(struct vec3 v)
     return (struct covariance3){v.x * v.x, v.x * v.y, v.x * v.z, v.y * v.y, v.y * v.z, v.z * v.z};
 }
 
-struct covariance3 covariance3_rotate(struct quat a_from_b, const struct covariance3 *c)
+struct covariance3 covariance3_rotate(struct quat a_from_b, const struct covariance3 *covariance3)
 {
     double r[3][3], rc[3][3], out[3][3];
-    const double m[3][3] = {{c->xx, c->xy, c->xz}, {c->xy, c->yy, c->yz}, {c->xz, c->yz, c->zz}};
+    const double m[3][3] = {{covariance3->xx, covariance3->xy, covariance3->xz},
+                            {covariance3->xy, covariance3->yy, covariance3->yz},
+                            {covariance3->xz, covariance3->yz, covariance3->zz}};
     quat_to_matrix(a_from_b, r);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
@@ -212,12 +215,14 @@ static const double PIVOT_MIN_RATE = 1e-9; // of the diagonal element: below it 
 // The square root of a pivot; 0 where it is none.
 static double root_of(double pivot, double diagonal) { return pivot > PIVOT_MIN_RATE * diagonal ? sqrt(pivot) : 0; }
 
-struct covariance_root covariance_pack(const struct covariance3 *c)
+struct covariance_root covariance_pack(const struct covariance3 *covariance3)
 {
-    assert(isfinite(c->xx + c->xy + c->xz + c->yy + c->yz + c->zz));
-    const double l11 = root_of(c->xx, c->xx), l21 = l11 > 0 ? c->xy / l11 : 0, l31 = l11 > 0 ? c->xz / l11 : 0,
-                 l22 = root_of(c->yy - l21 * l21, c->yy), l32 = l22 > 0 ? (c->yz - l21 * l31) / l22 : 0,
-                 l33 = root_of(c->zz - l31 * l31 - l32 * l32, c->zz);
+    assert(isfinite(covariance3->xx + covariance3->xy + covariance3->xz + covariance3->yy + covariance3->yz +
+                    covariance3->zz));
+    const double l11 = root_of(covariance3->xx, covariance3->xx), l21 = l11 > 0 ? covariance3->xy / l11 : 0,
+                 l31 = l11 > 0 ? covariance3->xz / l11 : 0, l22 = root_of(covariance3->yy - l21 * l21, covariance3->yy),
+                 l32 = l22 > 0 ? (covariance3->yz - l21 * l31) / l22 : 0,
+                 l33 = root_of(covariance3->zz - l31 * l31 - l32 * l32, covariance3->zz);
     return (struct covariance_root){{half_from_double(l11), half_from_double(l21), half_from_double(l31),
                                      half_from_double(l22), half_from_double(l32), half_from_double(l33)}};
 }

@@ -2,8 +2,8 @@
 // Matrices are row-major, n x n doubles. Pure functions: no memory is allocated, any thread may call. The order of the
 // floating-point operations is fixed, so the same input gives the same bits.
 #pragma once
-#include "base/status.h"
 #include "base/geometry.h"
+#include "base/status.h"
 
 enum { LINEAR_MAX = 16 }; // the largest n of the functions that keep a copy: marginal_information, invert_symmetric
 
@@ -52,18 +52,21 @@ struct covariance_root {
     uint16_t half[6];
 };
 
-static inline double covariance3_trace(const struct covariance3 *c) { return c->xx + c->yy + c->zz; }
+static inline double covariance3_trace(const struct covariance3 *covariance3)
+{
+    return covariance3->xx + covariance3->yy + covariance3->zz;
+}
 // v' C v: for a unit vector, the variance along it.
-double covariance3_along(const struct covariance3 *c, struct vec3 v);
+double covariance3_along(const struct covariance3 *covariance3, struct vec3 v);
 struct covariance3 covariance3_isotropic(double variance);
 struct covariance3 covariance3_add(const struct covariance3 *a, const struct covariance3 *b);
-struct covariance3 covariance3_scale(const struct covariance3 *c, double s);
+struct covariance3 covariance3_scale(const struct covariance3 *covariance3, double s);
 struct covariance3 covariance3_outer(struct vec3 v); // v v'
 struct covariance3 covariance3_rotate(struct quat a_from_b, const struct covariance3 *in_b);
 
 // An indefinite matrix is cut off: pivots below 0, or below 1e-9 of their diagonal element, count as 0. A number that
 // is not finite asserts.
-struct covariance_root covariance_pack(const struct covariance3 *c);
+struct covariance_root covariance_pack(const struct covariance3 *covariance3);
 struct covariance3 covariance_unpack(struct covariance_root root);
 bool covariance_is_known(struct covariance_root root);  // a factor is not 0
 bool covariance_is_finite(struct covariance_root root); // else what was read is no covariance

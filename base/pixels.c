@@ -41,12 +41,12 @@ static uint8_t clamp(int32_t value) // 16.16 fixed point, rounded half up
     return (uint8_t)clamp_int((value + 32768) >> 16, 0, 255);
 }
 
-static void store_rgb(const struct yuv_coefficients *c, int y, int cb, int cr, uint8_t rgb[3])
+static void store_rgb(const struct yuv_coefficients *coefficients, int y, int cb, int cr, uint8_t rgb[3])
 {
-    int32_t luma = c->y * (y - c->y_zero);
-    rgb[0] = clamp(luma + c->r_cr * (cr - 128));
-    rgb[1] = clamp(luma - c->g_cb * (cb - 128) - c->g_cr * (cr - 128));
-    rgb[2] = clamp(luma + c->b_cb * (cb - 128));
+    int32_t luma = coefficients->y * (y - coefficients->y_zero);
+    rgb[0] = clamp(luma + coefficients->r_cr * (cr - 128));
+    rgb[1] = clamp(luma - coefficients->g_cb * (cb - 128) - coefficients->g_cr * (cr - 128));
+    rgb[2] = clamp(luma + coefficients->b_cb * (cb - 128));
 }
 
 void pixels_from_packed(const uint8_t *in, size_t stride, enum packed_order order, int width, int height, uint8_t *rgb)

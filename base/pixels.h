@@ -1,8 +1,9 @@
 // Conversion of camera images to RGB, 8 bits a channel, rows without padding. Integer arithmetic only: the same bytes
 // give the same pixels on every machine. Pure functions, safe from any thread.
 #pragma once
-#include <stdint.h>
 #include "base/status.h"
+
+#include <stdint.h>
 
 // ---------------------------------------------------------------- image shrink
 

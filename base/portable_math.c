@@ -7,7 +7,7 @@ static const double LN2_LOW = 0x1.cf79abc9e3b3ap-40;
 static const double PI = 0x1.921fb54442d18p+1, PI_LOW = 0x1.1a62633145c07p-53;
 
 // c[0] + x (c[1] + x (c[2] + ...))
-static double polynomial(const double *c, int count, double x)
+static double evaluate_polynomial(const double *c, int count, double x)
 {
     double sum = c[count - 1];
     for (int i = count - 2; i >= 0; i--)
@@ -28,7 +28,7 @@ double portable_exp(double x)
         return 0;
     const double k = floor(x / (LN2_HIGH + LN2_LOW) + 0.5);
     const double high = x - k * LN2_HIGH, low = k * LN2_LOW, r = high - low;
-    const double rest = r * r * polynomial(tail, sizeof tail / sizeof *tail, r) + ((high - r) - low);
+    const double rest = r * r * evaluate_polynomial(tail, sizeof tail / sizeof *tail, r) + ((high - r) - low);
     return ldexp(1 + (r + rest), (int)k);
 }
 
@@ -50,12 +50,12 @@ double portable_log(double x)
     }
     // log(1 + f) = f - (f^2 / 2 - s (f^2 / 2 + tail)), which keeps f's own bits
     const double f = m - 1, s = f / (2 + f), z = s * s, half = 0.5 * f * f;
-    const double rest = s * (half + z * polynomial(tail, sizeof tail / sizeof *tail, z));
+    const double rest = s * (half + z * evaluate_polynomial(tail, sizeof tail / sizeof *tail, z));
     return k * LN2_HIGH + (f - (half - (rest + k * LN2_LOW)));
 }
 
 // x = quarter pi / 2 + *r + *low, |*r| <= pi / 4. False: not a number that this can reduce.
-static int reduce(double x, double *r, double *low, unsigned *quarter)
+static int reduce_angle(double x, double *r, double *low, unsigned *quarter)
 {
     // pi / 2 in parts of 33 bits: k times the first two is exact for k < 2^20
     static const double first = 0x1.921fb544p+0, second = 0x1.0b4611a6p-34, third = 0x1.3198a2e037073p-69;
@@ -70,35 +70,35 @@ static int reduce(double x, double *r, double *low, unsigned *quarter)
 }
 
 // Of r + low, |r| <= pi / 4.
-static double sine(double r, double low)
+static double compute_sine(double r, double low)
 {
     static const double tail[] = {
         -1.0 / 6,        1.0 / 120,        -1.0 / 5040,          1.0 / 362880,
         -1.0 / 39916800, 1.0 / 6227020800, -1.0 / 1307674368000, 1.0 / 355687428096000,
     };
     const double z = r * r;
-    return r + (r * z * polynomial(tail, sizeof tail / sizeof *tail, z) + low * (1 - 0.5 * z));
+    return r + (r * z * evaluate_polynomial(tail, sizeof tail / sizeof *tail, z) + low * (1 - 0.5 * z));
 }
 
-static double cosine(double r, double low)
+static double compute_cosine(double r, double low)
 {
     static const double tail[] = {
         1.0 / 24,        -1.0 / 720,         1.0 / 40320,          -1.0 / 3628800,
         1.0 / 479001600, -1.0 / 87178291200, 1.0 / 20922789888000, -1.0 / 6402373705728000,
     };
     const double z = r * r, half = 0.5 * z, w = 1 - half;
-    return w + (((1 - w) - half) + (z * z * polynomial(tail, sizeof tail / sizeof *tail, z) - r * low));
+    return w + (((1 - w) - half) + (z * z * evaluate_polynomial(tail, sizeof tail / sizeof *tail, z) - r * low));
 }
 
 double portable_sin(double x)
 {
     double r, low;
     unsigned quarter;
-    if (!reduce(x, &r, &low, &quarter))
+    if (!reduce_angle(x, &r, &low, &quarter))
         return NAN;
     if (x == 0)
         return x; // its sign
-    const double value = quarter & 1 ? cosine(r, low) : sine(r, low);
+    const double value = quarter & 1 ? compute_cosine(r, low) : compute_sine(r, low);
     return quarter & 2 ? -value : value;
 }
 
@@ -106,9 +106,9 @@ double portable_cos(double x)
 {
     double r, low;
     unsigned quarter;
-    if (!reduce(x, &r, &low, &quarter))
+    if (!reduce_angle(x, &r, &low, &quarter))
         return NAN;
-    const double value = quarter & 1 ? sine(r, low) : cosine(r, low);
+    const double value = quarter & 1 ? compute_sine(r, low) : compute_cosine(r, low);
     return (quarter + 1) & 2 ? -value : value;
 }
 
@@ -116,11 +116,11 @@ double portable_tan(double x)
 {
     double r, low;
     unsigned quarter;
-    if (!reduce(x, &r, &low, &quarter))
+    if (!reduce_angle(x, &r, &low, &quarter))
         return NAN;
     if (x == 0)
         return x;
-    return quarter & 1 ? -cosine(r, low) / sine(r, low) : sine(r, low) / cosine(r, low);
+    return quarter & 1 ? -compute_cosine(r, low) / compute_sine(r, low) : compute_sine(r, low) / compute_cosine(r, low);
 }
 
 // atan(y / x) in parts, 0 <= y <= x, x > 0: *low + the value returned, which has no more than 53 bits.
@@ -135,7 +135,7 @@ static double first_octant(double y, double x, double *low)
     while (i < 4 && !(ratio < middle[i]))
         i++;
     const double t = i ? (y - tangent[i] * x) / (x + tangent[i] * y) : ratio, z = t * t;
-    *low = t * z * polynomial(tail, sizeof tail / sizeof *tail, z);
+    *low = t * z * evaluate_polynomial(tail, sizeof tail / sizeof *tail, z);
     if (!i)
         return t;
     *low += t + i * (PI_LOW / 16);
@@ -174,16 +174,16 @@ double portable_acos(double x) { return fabs(x) <= 1 ? portable_atan2(sqrt((1 - 
 
 double portable_hypot(double x, double y)
 {
-    const double ax = fabs(x), ay = fabs(y), most = ax > ay ? ax : ay;
+    const double ax = fabs(x), ay = fabs(y), max = ax > ay ? ax : ay;
     if (isinf(ax) || isinf(ay))
         return HUGE_VAL;
     if (isnan(x) || isnan(y))
         return NAN;
-    if (most > 1e-150 && most < 1e150)
+    if (max > 1e-150 && max < 1e150)
         return sqrt(x * x + y * y);
-    if (most == 0)
+    if (max == 0)
         return 0;
-    const double scale = most < 1 ? 0x1p-1000 : 0x1p1000; // a power of two: exact but for what is too small to count
+    const double scale = max < 1 ? 0x1p-1000 : 0x1p1000; // a power of two: exact but for what is too small to count
     return scale * sqrt((x / scale) * (x / scale) + (y / scale) * (y / scale));
 }
 

@@ -41,10 +41,10 @@ const char *status_message(void) { return sentence; }
 
 static_assert(sizeof((struct failure *)NULL)->sentence == sizeof sentence, "a kept sentence would be cut");
 
-void failure_keep(struct failure *f, enum status status)
+void failure_keep(struct failure *failure, enum status status)
 {
-    f->status = status;
-    memcpy(f->sentence, status == OK ? "" : sentence, status == OK ? 1 : sizeof sentence);
+    failure->status = status;
+    memcpy(failure->sentence, status == OK ? "" : sentence, status == OK ? 1 : sizeof sentence);
 }
 
 enum status failure_restore(const struct failure *f)

@@ -59,7 +59,7 @@ struct failure {
 };
 
 // `status` with this thread's sentence.
-void failure_keep(struct failure *f, enum status status);
+void failure_keep(struct failure *failure, enum status status);
 
 // The status kept; unless that is OK, the sentence becomes this thread's.
 enum status failure_restore(const struct failure *f);

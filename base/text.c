@@ -62,8 +62,8 @@ size_t text_character_bytes(const char *text)
             return 0;
         code = code << 6 | (at[i] & 0x3fu);
     }
-    static const uint32_t least[] = {0, 0x80, 0x800, 0x10000};
-    return code >= least[more] && code <= 0x10ffff && !(code >= 0xd800 && code <= 0xdfff) ? more + 1 : 0;
+    static const uint32_t min[] = {0, 0x80, 0x800, 0x10000};
+    return code >= min[more] && code <= 0x10ffff && !(code >= 0xd800 && code <= 0xdfff) ? more + 1 : 0;
 }
 
 static uint32_t character_code(const char *text, size_t bytes)
@@ -260,14 +260,14 @@ bool text_number(const char *text, double *out)
     return true;
 }
 
-bool text_index(const char *text, int most, int *out)
+bool text_index(const char *text, int max, int *out)
 {
     long long value = 0;
     if (!*text || text[strspn(text, "0123456789")])
         return false;
     for (const char *at = text; *at; at++) {
         value = 10 * value + (*at - '0');
-        if (value > most)
+        if (value > max)
             return false;
     }
     *out = (int)value;

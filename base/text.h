@@ -1,9 +1,10 @@
 // Small things about text: UTF-8, and times as decimal seconds. Pure functions, safe from any thread.
 #pragma once
+#include "base/status.h"
+
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
-#include "base/status.h"
 
 // ---------------------------------------------------------------- html
 
@@ -55,7 +56,7 @@ const char *text_shown(const char *text, char out[TEXT_SHOWN_BYTES]);
 
 // Read times lie between minus this and this: the year 2096, counted from 1970. The difference of any two fits into an
 // int64_t of nanoseconds.
-#define SECONDS_MOST 4000000000
+#define SECONDS_MAX 4000000000
 
 // "-1.500000000": nanoseconds as seconds with `decimals` digits, 0 to 9, the rest cut off towards zero.
 enum { SECONDS_TEXT_BYTES = 32 };
@@ -65,5 +66,5 @@ const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BY
 // are hexadecimal numbers, a leading blank or plus, and nan.
 bool text_number(const char *text, double *out);
 
-// A whole text of digits alone as a number from 0 to `most`. False: it is none.
-bool text_index(const char *text, int most, int *out);
+// A whole text of digits alone as a number from 0 to `max`. False: it is none.
+bool text_index(const char *text, int max, int *out);

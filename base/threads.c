@@ -49,11 +49,11 @@ void thread_wake_without_preempting(void)
 
 // ---------------------------------------------------------------- worker thread
 
-void worker_thread_open(struct worker_thread *w)
+void worker_thread_open(struct worker_thread *thread)
 {
-    *w = (struct worker_thread){.runs = false};
-    pthread_mutex_init(&w->lock, NULL);
-    condition_open(&w->changed);
+    *thread = (struct worker_thread){.runs = false};
+    pthread_mutex_init(&thread->lock, NULL);
+    condition_open(&thread->changed);
 }
 
 enum status worker_thread_start(struct worker_thread *w, void *(*run)(void *), void *self, const char *task)
@@ -62,41 +62,41 @@ enum status worker_thread_start(struct worker_thread *w, void *(*run)(void *), v
     return w->runs ? OK : fail(ERR_MEMORY, "no thread %s", task);
 }
 
-void worker_thread_stop(struct worker_thread *w)
+void worker_thread_stop(struct worker_thread *thread)
 {
-    pthread_mutex_lock(&w->lock);
-    w->closing = true;
-    pthread_cond_broadcast(&w->changed);
-    pthread_mutex_unlock(&w->lock);
-    if (w->runs)
-        pthread_join(w->thread, NULL);
-    w->runs = false;
+    pthread_mutex_lock(&thread->lock);
+    thread->closing = true;
+    pthread_cond_broadcast(&thread->changed);
+    pthread_mutex_unlock(&thread->lock);
+    if (thread->runs)
+        pthread_join(thread->thread, NULL);
+    thread->runs = false;
 }
 
-bool worker_thread_abandon(struct worker_thread *w)
+bool worker_thread_abandon(struct worker_thread *thread)
 {
-    const bool ran = w->runs;
-    w->closing = true;
-    w->runs = false;
+    const bool ran = thread->runs;
+    thread->closing = true;
+    thread->runs = false;
     if (ran)
-        pthread_detach(w->thread);
-    pthread_cond_broadcast(&w->changed);
+        pthread_detach(thread->thread);
+    pthread_cond_broadcast(&thread->changed);
     return ran;
 }
 
-bool worker_thread_must_end(struct worker_thread *w)
+bool worker_thread_must_end(struct worker_thread *thread)
 {
-    pthread_mutex_lock(&w->lock);
-    const bool closing = w->closing;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_lock(&thread->lock);
+    const bool closing = thread->closing;
+    pthread_mutex_unlock(&thread->lock);
     return closing;
 }
 
-void worker_thread_close(struct worker_thread *w)
+void worker_thread_close(struct worker_thread *thread)
 {
-    worker_thread_stop(w);
-    pthread_cond_destroy(&w->changed);
-    pthread_mutex_destroy(&w->lock);
+    worker_thread_stop(thread);
+    pthread_cond_destroy(&thread->changed);
+    pthread_mutex_destroy(&thread->lock);
 }
 
 // ---------------------------------------------------------------- parallel
@@ -158,73 +158,73 @@ enum status queue_open(struct queue **out, int capacity)
     return OK;
 }
 
-void queue_close(struct queue **q)
+void queue_close(struct queue **queue)
 {
-    if (*q) {
-        pthread_cond_destroy(&(*q)->changed);
-        pthread_mutex_destroy(&(*q)->lock);
-        free(*q);
+    if (*queue) {
+        pthread_cond_destroy(&(*queue)->changed);
+        pthread_mutex_destroy(&(*queue)->lock);
+        free(*queue);
     }
-    *q = NULL;
+    *queue = NULL;
 }
 
-static bool put(struct queue *q, void *item, bool wait)
+static bool put_item(struct queue *queue, void *item, bool wait)
 {
     assert(item);
-    pthread_mutex_lock(&q->lock);
-    while (wait && !q->stopped && q->count == q->capacity)
-        pthread_cond_wait(&q->changed, &q->lock);
-    bool has_space = !q->stopped && q->count < q->capacity;
+    pthread_mutex_lock(&queue->lock);
+    while (wait && !queue->stopped && queue->count == queue->capacity)
+        pthread_cond_wait(&queue->changed, &queue->lock);
+    bool has_space = !queue->stopped && queue->count < queue->capacity;
     if (has_space) {
-        q->items[(q->first + q->count) % q->capacity] = item;
-        q->count++;
-        pthread_cond_broadcast(&q->changed);
+        queue->items[(queue->first + queue->count) % queue->capacity] = item;
+        queue->count++;
+        pthread_cond_broadcast(&queue->changed);
     }
-    pthread_mutex_unlock(&q->lock);
+    pthread_mutex_unlock(&queue->lock);
     return has_space;
 }
 
-bool queue_put(struct queue *q, void *item) { return put(q, item, true); }
+bool queue_put(struct queue *queue, void *item) { return put_item(queue, item, true); }
 
-bool queue_try_put(struct queue *q, void *item) { return put(q, item, false); }
+bool queue_try_put(struct queue *queue, void *item) { return put_item(queue, item, false); }
 
-void *queue_take(struct queue *q)
+void *queue_take(struct queue *queue)
 {
     void *item = NULL;
-    pthread_mutex_lock(&q->lock);
-    while (!q->stopped && !q->count)
-        pthread_cond_wait(&q->changed, &q->lock);
-    if (q->count) {
-        item = q->items[q->first];
-        q->first = (q->first + 1) % q->capacity;
-        q->count--;
-        pthread_cond_broadcast(&q->changed);
+    pthread_mutex_lock(&queue->lock);
+    while (!queue->stopped && !queue->count)
+        pthread_cond_wait(&queue->changed, &queue->lock);
+    if (queue->count) {
+        item = queue->items[queue->first];
+        queue->first = (queue->first + 1) % queue->capacity;
+        queue->count--;
+        pthread_cond_broadcast(&queue->changed);
     }
-    pthread_mutex_unlock(&q->lock);
+    pthread_mutex_unlock(&queue->lock);
     return item;
 }
 
-void queue_stop(struct queue *q)
+void queue_stop(struct queue *queue)
 {
-    pthread_mutex_lock(&q->lock);
-    q->stopped = true;
-    pthread_cond_broadcast(&q->changed);
-    pthread_mutex_unlock(&q->lock);
+    pthread_mutex_lock(&queue->lock);
+    queue->stopped = true;
+    pthread_cond_broadcast(&queue->changed);
+    pthread_mutex_unlock(&queue->lock);
 }
 
-int queue_count(struct queue *q)
+int queue_count(struct queue *queue)
 {
-    pthread_mutex_lock(&q->lock);
-    const int count = q->count;
-    pthread_mutex_unlock(&q->lock);
+    pthread_mutex_lock(&queue->lock);
+    const int count = queue->count;
+    pthread_mutex_unlock(&queue->lock);
     return count;
 }
 
-bool queue_is_stopped(struct queue *q)
+bool queue_is_stopped(struct queue *queue)
 {
-    pthread_mutex_lock(&q->lock);
-    const bool stopped = q->stopped;
-    pthread_mutex_unlock(&q->lock);
+    pthread_mutex_lock(&queue->lock);
+    const bool stopped = queue->stopped;
+    pthread_mutex_unlock(&queue->lock);
     return stopped;
 }
 
@@ -248,64 +248,64 @@ struct pipeline_state {
 };
 
 // The oldest item whose next stage may run now; -1: none.
-static int find_ready_item(const struct pipeline_state *r)
+static int find_ready_item(const struct pipeline_state *state)
 {
-    const struct pipeline *p = r->p;
-    for (int i = r->ended; i < p->items && i < r->ended + p->in_flight; i++) {
-        const struct item_progress *item = &r->items[i];
-        if (!item->busy && item->stage < p->stages && (!p->in_order[item->stage] || r->next[item->stage] == i))
+    const struct pipeline *p = state->p;
+    for (int i = state->ended; i < p->items && i < state->ended + p->in_flight; i++) {
+        const struct item_progress *item = &state->items[i];
+        if (!item->busy && item->stage < p->stages && (!p->in_order[item->stage] || state->next[item->stage] == i))
             return i;
     }
     return -1;
 }
 
-static void stop(struct pipeline_state *r, enum status status)
+static void keep_first_failure(struct pipeline_state *state, enum status status)
 {
-    if (r->failure.status == OK)
-        failure_keep(&r->failure, status);
+    if (state->failure.status == OK)
+        failure_keep(&state->failure, status);
 }
 
-static void advance(struct pipeline_state *r, int i)
+static void advance_item(struct pipeline_state *state, int i)
 {
-    struct item_progress *item = &r->items[i];
+    struct item_progress *item = &state->items[i];
     item->busy = true;
-    pthread_mutex_unlock(&r->lock);
-    const enum status status = r->p->work(r->p->context, item->stage, i);
-    pthread_mutex_lock(&r->lock);
+    pthread_mutex_unlock(&state->lock);
+    const enum status status = state->p->work(state->p->context, item->stage, i);
+    pthread_mutex_lock(&state->lock);
     if (status < 0)
-        stop(r, status);
-    r->next[item->stage] = i + 1;
+        keep_first_failure(state, status);
+    state->next[item->stage] = i + 1;
     item->stage++;
     item->busy = false;
-    while (r->ended < r->p->items && r->items[r->ended].stage == r->p->stages)
-        r->ended++;
-    pthread_cond_broadcast(&r->changed);
+    while (state->ended < state->p->items && state->items[state->ended].stage == state->p->stages)
+        state->ended++;
+    pthread_cond_broadcast(&state->changed);
 }
 
-static void run_items(struct pipeline_state *r, bool reports_progress)
+static void run_items(struct pipeline_state *state, bool reports_progress)
 {
-    const struct pipeline *p = r->p;
-    pthread_mutex_lock(&r->lock);
-    while (r->failure.status == OK && r->ended < p->items) {
-        const int i = find_ready_item(r);
+    const struct pipeline *p = state->p;
+    pthread_mutex_lock(&state->lock);
+    while (state->failure.status == OK && state->ended < p->items) {
+        const int i = find_ready_item(state);
         if (i >= 0)
-            advance(r, i);
+            advance_item(state, i);
         else
-            pthread_cond_wait(&r->changed, &r->lock);
-        const double share = (double)r->ended / p->items;
-        if (!reports_progress || r->failure.status != OK)
+            pthread_cond_wait(&state->changed, &state->lock);
+        const double share = (double)state->ended / p->items;
+        if (!reports_progress || state->failure.status != OK)
             continue;
-        pthread_mutex_unlock(&r->lock);
+        pthread_mutex_unlock(&state->lock);
         const bool wanted = p->on_progress(p->context, share);
-        pthread_mutex_lock(&r->lock);
+        pthread_mutex_lock(&state->lock);
         if (!wanted)
-            stop(r, NOTHING);
+            keep_first_failure(state, NOTHING);
     }
-    pthread_cond_broadcast(&r->changed);
-    pthread_mutex_unlock(&r->lock);
+    pthread_cond_broadcast(&state->changed);
+    pthread_mutex_unlock(&state->lock);
 }
 
-static void *worker(void *run)
+static void *run_worker(void *run)
 {
     run_items(run, false);
     return NULL;
@@ -322,7 +322,7 @@ enum status pipeline_run(const struct pipeline *p, int threads)
     pthread_mutex_init(&r.lock, NULL);
     pthread_cond_init(&r.changed, NULL);
     while (helping + 1 < threads && helping < MAX_STAGE_THREADS &&
-           pthread_create(&thread[helping], NULL, worker, &r) == 0)
+           pthread_create(&thread[helping], NULL, run_worker, &r) == 0)
         helping++;
     run_items(&r, true);
     for (int i = 0; i < helping; i++)

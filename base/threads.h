@@ -1,6 +1,7 @@
 // Threads and what they wait on: conditions, priorities, a worker beside its owner, parallel loops, queues, pipelines.
 #pragma once
 #include "base/status.h"
+
 #include <pthread.h>
 
 // ---------------------------------------------------------------- condition
@@ -41,20 +42,20 @@ struct worker_thread {
     pthread_t thread;
 };
 
-void worker_thread_open(struct worker_thread *w); // without the thread; once opened, it must be closed
+void worker_thread_open(struct worker_thread *thread); // without the thread; once opened, it must be closed
 
 // run(self) on the thread. ERR_MEMORY: there is none; the message names `task`, as "to look for body points".
 MUST_CHECK enum status worker_thread_start(struct worker_thread *w, void *(*run)(void *), void *self, const char *task);
 // Tells the thread, if it was started, and waits for its end. Lock and condition stay for others. More than once is
 // fine.
-void worker_thread_stop(struct worker_thread *w);
-void worker_thread_close(struct worker_thread *w); // as worker_thread_stop, and lock and condition are gone
+void worker_thread_stop(struct worker_thread *thread);
+void worker_thread_close(struct worker_thread *thread); // as worker_thread_stop, and lock and condition are gone
 
 // With the lock held: tells the thread to end, and leaves its owner's memory to it, so that nobody waits for its end.
 // It calls worker_thread_close itself. False: it does not run.
-bool worker_thread_abandon(struct worker_thread *w);
+bool worker_thread_abandon(struct worker_thread *thread);
 
-bool worker_thread_must_end(struct worker_thread *w); // for the thread, while it works: `closing`
+bool worker_thread_must_end(struct worker_thread *thread); // for the thread, while it works: `closing`
 
 // ---------------------------------------------------------------- parallel
 
@@ -73,24 +74,24 @@ void parallel_for(int threads, int count, void (*work)(void *context, int i), vo
 struct queue;
 
 MUST_CHECK enum status queue_open(struct queue **out, int capacity); // ERR_MEMORY; *out is then NULL
-void queue_close(struct queue **q); // no thread may use it any more; items left in it are not freed. NULL is fine
+void queue_close(struct queue **queue); // no thread may use it any more; items left in it are not freed. NULL is fine
 
 // Waits until an item fits. False: the queue was stopped; the item stays the caller's.
-bool queue_put(struct queue *q, void *item);
+bool queue_put(struct queue *queue, void *item);
 
 // Does not wait. False: full or stopped; the item stays the caller's.
-bool queue_try_put(struct queue *q, void *item);
+bool queue_try_put(struct queue *queue, void *item);
 
 // Waits for an item. NULL: stopped and empty.
-void *queue_take(struct queue *q);
+void *queue_take(struct queue *queue);
 
 // How many items are in it now.
-int queue_count(struct queue *q);
+int queue_count(struct queue *queue);
 
-bool queue_is_stopped(struct queue *q);
+bool queue_is_stopped(struct queue *queue);
 
 // From any thread: puts fail from now on; takes continue until the queue is empty.
-void queue_stop(struct queue *q);
+void queue_stop(struct queue *queue);
 
 // ---------------------------------------------------------------- pipeline
 

@@ -1,8 +1,8 @@
 // Measures radii: [D14], equation 4 and section 4.1.
 #include "capture/body_radii.h"
-#include "base/portable_math.h"
 
 #include "base/depth_noise.h"
+#include "base/portable_math.h"
 #include "capture/export.h"
 #include "recording/place.h"
 
@@ -16,11 +16,11 @@ enum { SAMPLES = 13, SAMPLES_MIN = 5 };
 // No part of a person reaches further than this from its bone, metres.
 static const double RADIUS_MAX_M = 0.35;
 
-void body_radii_start(struct body_radii *r)
+void body_radii_start(struct body_radii *radii)
 {
-    *r = (struct body_radii){.body.representative_frame = -1, .best = -1};
+    *radii = (struct body_radii){.body.representative_frame = -1, .best = -1};
     for (int p = 0; p < PART_COUNT; p++)
-        r->part_best[p] = -1;
+        radii->part_best[p] = -1;
 }
 
 // A skeleton in the depth camera's axes and image.
@@ -30,13 +30,14 @@ struct projected_skeleton {
     bool usable[JOINT_COUNT]; // known and in front of the camera
 };
 
-static struct projected_skeleton project_skeleton(const struct calibration *calibration, const struct skeleton *s)
+static struct projected_skeleton project_skeleton(const struct calibration *calibration,
+                                                  const struct skeleton *skeleton)
 {
     struct projected_skeleton seen;
     struct pose depth_from_color = pose_inverse(calibration->color_from_depth);
     for (int j = 0; j < JOINT_COUNT; j++) {
-        seen.joint[j] = pose_apply(depth_from_color, s->joint[j]);
-        seen.usable[j] = s->confidence[j] > 0 && v3_finite(seen.joint[j]) && seen.joint[j].z > 0.1;
+        seen.joint[j] = pose_apply(depth_from_color, skeleton->joint[j]);
+        seen.usable[j] = skeleton->confidence[j] > 0 && v3_finite(seen.joint[j]) && seen.joint[j].z > 0.1;
         seen.pixel[j] = seen.usable[j] ? lens_project(&calibration->depth, seen.joint[j]) : (struct pixel){0, 0};
     }
     return seen;
@@ -44,9 +45,9 @@ static struct projected_skeleton project_skeleton(const struct calibration *cali
 
 // Distance of pixel (x, y) from a part's bone, pixels; *along is its projection onto the bone, 0
 // at `from` and 1 at `to`, outside for a pixel that is not alongside.
-static double distance_to_part(const struct projected_skeleton *seen, enum part p, double x, double y, double *along)
+static double distance_to_part(const struct projected_skeleton *seen, enum part part, double x, double y, double *along)
 {
-    struct pixel a = seen->pixel[part_ends[p].from], b = seen->pixel[part_ends[p].to];
+    struct pixel a = seen->pixel[part_ends[part].from], b = seen->pixel[part_ends[part].to];
     double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
     *along = length2 > 0 ? ((x - a.x) * dx + (y - a.y) * dy) / length2 : 0;
     double t = fmax(0, fmin(1, *along));
@@ -123,9 +124,9 @@ static const double MEASURED_SIGMA_MAX_M = 0.15;
 
 // A joint that is not seen and may be anywhere. One that is only less sure to be right is used: where it is wrong, the
 // surface is seldom at the bone's depth along the whole part, which is checked.
-static bool is_guessed(const struct skeleton *s, enum joint j)
+static bool is_guessed(const struct skeleton *skeleton, enum joint joint)
 {
-    return s->confidence[j] < 1 && !(joint_sigma_m(s, j) <= MEASURED_SIGMA_MAX_M);
+    return skeleton->confidence[joint] < 1 && !(joint_sigma_m(skeleton, joint) <= MEASURED_SIGMA_MAX_M);
 }
 
 double body_radii_measure_part(const struct calibration *calibration, const struct skeleton *skeleton,
@@ -164,24 +165,24 @@ double body_radii_measure_part(const struct calibration *calibration, const stru
     return median_of(widths, (size_t)count) / 2;
 }
 
-bool body_radii_add_frame(struct body_radii *r, int64_t index, const struct calibration *calibration,
+bool body_radii_add_frame(struct body_radii *radii, int64_t index, const struct calibration *calibration,
                           const struct skeleton *skeleton, const uint16_t *depth, const uint8_t *mask)
 {
     double value = pose_score(skeleton);
     bool changed = false;
-    if (value > r->best) {
-        r->best = value;
-        r->body.representative_frame = index;
+    if (value > radii->best) {
+        radii->best = value;
+        radii->body.representative_frame = index;
         changed = true;
     }
     for (int p = 0; p < PART_COUNT; p++) {
-        if (value <= r->part_best[p])
+        if (value <= radii->part_best[p])
             continue;
         double length = v3_distance(skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]);
         double radius = body_radii_measure_part(calibration, skeleton, depth, mask, (enum part)p);
         if (radius > 0 && length > 0.01) {
-            r->body.radius_rate[p] = radius / length;
-            r->part_best[p] = value;
+            radii->body.radius_rate[p] = radius / length;
+            radii->part_best[p] = value;
             changed = true;
         }
     }

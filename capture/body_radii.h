@@ -6,8 +6,8 @@
 // take and thread. Joints in the colour camera's axes; the depth image is either
 // registered or has its own lens and color_from_depth.
 #pragma once
-#include "recording/skeleton.h"
 #include "base/lens.h"
+#include "recording/skeleton.h"
 
 struct body_radii {
     struct body body;             // as far as known; radius_rate (radius / length) 0 = not measurable so far
@@ -15,12 +15,12 @@ struct body_radii {
     double part_best[PART_COUNT]; // that of the frame from which each part's rate comes
 };
 
-void body_radii_start(struct body_radii *r);
+void body_radii_start(struct body_radii *radii);
 
 // Adds frame `index`. `depth` and `mask` are of calibration->depth's size.
 // True when the body changed. A part that is not measurable in the best frame (hidden,
 // cut by the image border) takes its rate from the best frame where it is.
-bool body_radii_add_frame(struct body_radii *r, int64_t index, const struct calibration *calibration,
+bool body_radii_add_frame(struct body_radii *radii, int64_t index, const struct calibration *calibration,
                           const struct skeleton *skeleton, const uint16_t *depth, const uint8_t *mask);
 
 // The radius of the rectangle fitted to one part, metres; 0 when it cannot be

@@ -5,8 +5,8 @@
 // from depth alone. A person of a human size, who moves as people do, then appears under the likely cause and under no
 // other. Where a person was found, his or her stature is judged by the lengths of the bones, whatever the posture.
 #pragma once
-#include "recording/recorded_verdict.h"
 #include "locate/stream_turn.h"
+#include "recording/recorded_verdict.h"
 
 enum depth_cause {
     CAUSE_NONE,
@@ -33,4 +33,4 @@ struct depth_finding {
 MUST_CHECK enum status depth_cause_find(struct take *take, struct depth_finding *out);
 
 // The likely cause, and what to do.
-void depth_cause_say(const struct depth_finding *f, struct take_verdict *out);
+void depth_cause_say(const struct depth_finding *finding, struct take_verdict *out);

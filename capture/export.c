@@ -87,30 +87,30 @@ struct colored_depth {
     int step; // every so many pixels and rows
 };
 
-static const uint8_t *color_at(const struct colored_depth *d, struct vec3 in_color)
+static const uint8_t *color_at(const struct colored_depth *depth, struct vec3 in_color)
 {
-    const struct lens *l = &d->calibration->color;
-    if (!d->rgb || !(in_color.z > 0))
+    const struct lens *l = &depth->calibration->color;
+    if (!depth->rgb || !(in_color.z > 0))
         return NO_COLOR;
     const struct pixel px = lens_project_clamped(l, lens_max_radius2(l), in_color);
     const long x = lround(px.x), y = lround(px.y);
     if (x < 0 || y < 0 || x >= l->width || y >= l->height)
         return NO_COLOR;
-    return d->rgb + 3 * ((size_t)y * (size_t)l->width + (size_t)x);
+    return depth->rgb + 3 * ((size_t)y * (size_t)l->width + (size_t)x);
 }
 
-static enum status add_depth(struct ply *ply, const struct colored_depth *d)
+static enum status add_depth(struct ply *ply, const struct colored_depth *depth)
 {
-    const struct lens *l = &d->calibration->depth;
-    const struct pose color_from_depth = d->calibration->color_from_depth;
-    for (int y = 0; y < l->height; y += d->step)
-        for (int x = 0; x < l->width; x += d->step) {
+    const struct lens *l = &depth->calibration->depth;
+    const struct pose color_from_depth = depth->calibration->color_from_depth;
+    for (int y = 0; y < l->height; y += depth->step)
+        for (int x = 0; x < l->width; x += depth->step) {
             const size_t i = (size_t)y * (size_t)l->width + (size_t)x;
-            if (!d->depth[i] || (d->mask && !d->mask[i]))
+            if (!depth->depth[i] || (depth->mask && !depth->mask[i]))
                 continue;
             const struct vec3 ray = lens_ray(l, (struct pixel){x, y});
-            const struct vec3 p = pose_apply(color_from_depth, v3_scale(ray, 0.001 * d->depth[i]));
-            enum status status = ply_add_point(ply, pose_apply(d->world_from_color, p), color_at(d, p));
+            const struct vec3 p = pose_apply(color_from_depth, v3_scale(ray, 0.001 * depth->depth[i]));
+            enum status status = ply_add_point(ply, pose_apply(depth->world_from_color, p), color_at(depth, p));
             if (status != OK)
                 return status;
         }
@@ -244,19 +244,19 @@ static struct skeleton y_up_skeleton(const struct take_entry *entry)
     return skeleton_transform(from_camera, &entry->skeleton);
 }
 
-static bool usable(const struct skeleton *s, int bone)
+static bool is_bone_usable(const struct skeleton *skeleton, int bone)
 {
-    return s->confidence[bones[bone].joint] > 0 && v3_finite(s->joint[bones[bone].joint]);
+    return skeleton->confidence[bones[bone].joint] > 0 && v3_finite(skeleton->joint[bones[bone].joint]);
 }
 
 // The rotation of the whole body: x across the pelvis, y up the spine. `before` where it is not known.
-static struct quat root_rotation(const struct skeleton *s, struct quat before)
+static struct quat root_rotation(const struct skeleton *skeleton, struct quat before)
 {
-    if (!(s->confidence[JOINT_LEFT_HIP] > 0 && s->confidence[JOINT_RIGHT_HIP] > 0 && s->confidence[JOINT_TORSO] > 0 &&
-          s->confidence[JOINT_WAIST] > 0))
+    if (!(skeleton->confidence[JOINT_LEFT_HIP] > 0 && skeleton->confidence[JOINT_RIGHT_HIP] > 0 &&
+          skeleton->confidence[JOINT_TORSO] > 0 && skeleton->confidence[JOINT_WAIST] > 0))
         return before;
-    struct vec3 y = v3_unit(v3_sub(s->joint[JOINT_TORSO], s->joint[JOINT_WAIST]));
-    struct vec3 across = v3_sub(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP]);
+    struct vec3 y = v3_unit(v3_sub(skeleton->joint[JOINT_TORSO], skeleton->joint[JOINT_WAIST]));
+    struct vec3 across = v3_sub(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP]);
     struct vec3 z = v3_unit(v3_cross(across, y));
     if (v3_dot(y, y) == 0 || v3_dot(z, z) == 0)
         return before;
@@ -268,16 +268,16 @@ static struct quat root_rotation(const struct skeleton *s, struct quat before)
 // Every joint's rotation with respect to the world: its parent's, and the smallest rotation
 // that points the bone at its first known child. A joint that is not known
 // has its parent's rotation.
-static void world_rotations(const struct skeleton *s, struct quat before_root, struct quat rotation[BONES])
+static void world_rotations(const struct skeleton *skeleton, struct quat before_root, struct quat rotation[BONES])
 {
     for (int b = 0; b < BONES; b++) {
-        rotation[b] = bones[b].parent == NO_PARENT ? root_rotation(s, before_root) : rotation[bones[b].parent];
+        rotation[b] = bones[b].parent == NO_PARENT ? root_rotation(skeleton, before_root) : rotation[bones[b].parent];
         // waist and neck have several children and rotate with the body
         if (bones[b].joint == JOINT_WAIST || bones[b].joint == JOINT_NECK)
             continue;
         for (int child = b + 1; child < BONES; child++)
-            if (bones[child].parent == b && usable(s, b) && usable(s, child)) {
-                struct vec3 is = v3_sub(s->joint[bones[child].joint], s->joint[bones[b].joint]);
+            if (bones[child].parent == b && is_bone_usable(skeleton, b) && is_bone_usable(skeleton, child)) {
+                struct vec3 is = v3_sub(skeleton->joint[bones[child].joint], skeleton->joint[bones[b].joint]);
                 struct vec3 expected_direction = quat_rotate(rotation[b], bind_direction[child]);
                 rotation[b] = quat_unit(quat_multiply(quat_between(expected_direction, is), rotation[b]));
                 break;
@@ -304,79 +304,80 @@ struct motion {
     bool moves[BONES];         // has position channels
 };
 
-static enum status motion_open(struct motion *m, const struct take *take)
+static enum status motion_open(struct motion *motion, const struct take *take)
 {
     int64_t frames = take_frame_count(take);
     struct quat root = {0, 0, 0, 1};
     const bool in_world = take_is_located(take); // the same axes all along the file
-    *m = (struct motion){.frames = calloc((size_t)(frames ? frames : 1), sizeof *m->frames)};
-    if (!m->frames)
+    *motion = (struct motion){.frames = calloc((size_t)(frames ? frames : 1), sizeof *motion->frames)};
+    if (!motion->frames)
         return fail(ERR_MEMORY, "no memory to export the motion");
     for (int64_t i = 0; i < frames; i++) {
         const struct take_entry *entry = take_entry(take, i);
         if (!entry->has_skeleton || (in_world && !entry->located))
             continue;
-        struct motion_frame *f = &m->frames[m->count++];
+        struct motion_frame *f = &motion->frames[motion->count++];
         f->time_ns = entry->time_ns;
         const struct skeleton s = y_up_skeleton(entry);
         world_rotations(&s, root, f->rotation);
         root = f->rotation[0];
-        f->root = usable(&s, 0) ? s.joint[JOINT_WAIST] : v3(0, 0, 0);
+        f->root = is_bone_usable(&s, 0) ? s.joint[JOINT_WAIST] : v3(0, 0, 0);
         for (int b = 1; b < BONES; b++) {
             const int parent = bones[b].parent;
-            f->known[b] = usable(&s, b) && usable(&s, parent);
+            f->known[b] = is_bone_usable(&s, b) && is_bone_usable(&s, parent);
             const struct vec3 bone = v3_sub(s.joint[bones[b].joint], s.joint[bones[parent].joint]);
             if (f->known[b])
                 f->at[b] = quat_rotate(quat_conjugate(f->rotation[parent]), bone);
         }
     }
-    return m->count ? OK : fail(ERR_INPUT, "the take has no skeleton: no person was tracked in it");
+    return motion->count ? OK : fail(ERR_INPUT, "the take has no skeleton: no person was tracked in it");
 }
 
 // BVH has one step of time for all frames. So a frame before a gap, in which no person was tracked or frames were
 // dropped, is shown for as many frames as the gap is long, and the step is the mean one then. A clock that jumps by
 // more than a minute has no gap there.
-static enum status find_times(struct motion *m)
+static enum status find_times(struct motion *motion)
 {
-    const double most_s = 60;
-    double *steps = malloc(sizeof *steps * (size_t)m->count), seconds = 0;
+    const double max_s = 60;
+    double *steps = malloc(sizeof *steps * (size_t)motion->count), seconds = 0;
     if (!steps)
         return fail(ERR_MEMORY, "no memory to export the motion");
-    for (int64_t i = 0; i + 1 < m->count; i++)
-        steps[i] = (double)(m->frames[i + 1].time_ns - m->frames[i].time_ns) * 1e-9;
-    const double usual_s = median_of(steps, (size_t)m->count - 1);
+    for (int64_t i = 0; i + 1 < motion->count; i++)
+        steps[i] = (double)(motion->frames[i + 1].time_ns - motion->frames[i].time_ns) * 1e-9;
+    const double usual_s = median_of(steps, (size_t)motion->count - 1);
     free(steps);
-    m->frames[m->count - 1].shown = m->shown = 1;
-    for (int64_t i = 0; i + 1 < m->count; i++) {
-        struct motion_frame *f = &m->frames[i];
+    motion->frames[motion->count - 1].shown = motion->shown = 1;
+    for (int64_t i = 0; i + 1 < motion->count; i++) {
+        struct motion_frame *f = &motion->frames[i];
         const double step_s = (double)(f[1].time_ns - f->time_ns) * 1e-9;
-        const bool jump = step_s > most_s;
+        const bool jump = step_s > max_s;
         f->shown = jump ? 1 : (int64_t)fmax(1, floor(step_s / usual_s + 0.5));
-        m->shown += f->shown;
+        motion->shown += f->shown;
         seconds += jump ? usual_s : step_s;
     }
-    m->frame_s = m->count > 1 ? seconds / (double)(m->shown - 1) : 1.0 / 30;
+    motion->frame_s = motion->count > 1 ? seconds / (double)(motion->shown - 1) : 1.0 / 30;
     return OK;
 }
 
 // The median place of every joint in its parent's axes, and whether it leaves that.
-static enum status find_offsets(struct motion *m)
+static enum status find_offsets(struct motion *motion)
 {
-    double *seen = malloc(sizeof *seen * (size_t)(m->count ? m->count : 1));
+    double *seen = malloc(sizeof *seen * (size_t)(motion->count ? motion->count : 1));
     if (!seen)
         return fail(ERR_MEMORY, "no memory to export the motion");
     for (int b = 1; b < BONES; b++) {
         double median[3];
         for (int axis = 0; axis < 3; axis++) {
             size_t count = 0;
-            for (int64_t i = 0; i < m->count; i++)
-                if (m->frames[i].known[b])
-                    seen[count++] = (&m->frames[i].at[b].x)[axis];
+            for (int64_t i = 0; i < motion->count; i++)
+                if (motion->frames[i].known[b])
+                    seen[count++] = (&motion->frames[i].at[b].x)[axis];
             median[axis] = median_of(seen, count);
         }
-        m->offset[b] = v3(median[0], median[1], median[2]);
-        for (int64_t i = 0; i < m->count; i++)
-            m->moves[b] |= m->frames[i].known[b] && v3_distance(m->frames[i].at[b], m->offset[b]) > RIGID_M;
+        motion->offset[b] = v3(median[0], median[1], median[2]);
+        for (int64_t i = 0; i < motion->count; i++)
+            motion->moves[b] |=
+                motion->frames[i].known[b] && v3_distance(motion->frames[i].at[b], motion->offset[b]) > RIGID_M;
     }
     free(seen);
     return OK;
@@ -397,18 +398,18 @@ static void print_offset(FILE *out, int indent, struct vec3 metres)
     fprintf(out, "%*sOFFSET %.5f %.5f %.5f\n", indent, "", CM * metres.x, CM * metres.y, CM * metres.z);
 }
 
-static void print_hierarchy(FILE *out, const struct motion *m, int bone, int depth)
+static void print_hierarchy(FILE *out, const struct motion *motion, int bone, int depth)
 {
-    const bool root = bones[bone].parent == NO_PARENT, six = root || m->moves[bone];
+    const bool root = bones[bone].parent == NO_PARENT, six = root || motion->moves[bone];
     const int indent = 2 * depth;
     bool leaf = true;
     fprintf(out, "%*s%s %s\n%*s{\n", indent, "", root ? "ROOT" : "JOINT", joint_name(bones[bone].joint), indent, "");
-    print_offset(out, indent + 2, m->offset[bone]);
+    print_offset(out, indent + 2, motion->offset[bone]);
     fprintf(out, "%*sCHANNELS %s Zrotation Xrotation Yrotation\n", indent + 2, "",
             six ? "6 Xposition Yposition Zposition" : "3");
     for (int child = bone + 1; child < BONES; child++)
         if (bones[child].parent == bone) {
-            print_hierarchy(out, m, child, depth + 1);
+            print_hierarchy(out, motion, child, depth + 1);
             leaf = false;
         }
     if (leaf) {
@@ -432,27 +433,28 @@ static void print_rotation(FILE *out, struct quat q)
 }
 
 // The channels' values, depth first: the order in which print_hierarchy prints the joints, which is the table's.
-static void print_frame(FILE *out, const struct motion *m, const struct motion_frame *f)
+static void print_frame(FILE *out, const struct motion *motion, const struct motion_frame *frame)
 {
     for (int b = 0; b < BONES; b++) {
         const int parent = bones[b].parent;
-        struct vec3 at = f->known[b] ? f->at[b] : m->offset[b];
+        struct vec3 at = frame->known[b] ? frame->at[b] : motion->offset[b];
         if (parent == NO_PARENT)
-            at = f->root;
-        if (parent == NO_PARENT || m->moves[b])
+            at = frame->root;
+        if (parent == NO_PARENT || motion->moves[b])
             fprintf(out, "%s%.4f %.4f %.4f", b ? " " : "", CM * at.x, CM * at.y, CM * at.z);
-        print_rotation(out, parent == NO_PARENT ? f->rotation[b]
-                                                : quat_multiply(quat_conjugate(f->rotation[parent]), f->rotation[b]));
+        print_rotation(out, parent == NO_PARENT
+                                ? frame->rotation[b]
+                                : quat_multiply(quat_conjugate(frame->rotation[parent]), frame->rotation[b]));
     }
     fputc('\n', out);
 }
 
-static void print_motion(FILE *out, const struct motion *m)
+static void print_motion(FILE *out, const struct motion *motion)
 {
-    fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)m->shown, m->frame_s);
-    for (int64_t i = 0; i < m->count; i++)
-        for (int64_t k = 0; k < m->frames[i].shown; k++)
-            print_frame(out, m, &m->frames[i]);
+    fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)motion->shown, motion->frame_s);
+    for (int64_t i = 0; i < motion->count; i++)
+        for (int64_t k = 0; k < motion->frames[i].shown; k++)
+            print_frame(out, motion, &motion->frames[i]);
 }
 
 enum status export_bvh(const struct take *take, FILE *out)
@@ -499,154 +501,155 @@ struct folder_export {
 };
 
 // "DIR/NAME" into path[PATH_MAX].
-static enum status join(char *path, const char *dir, const char *name)
+static enum status join_path(char *path, const char *dir, const char *name)
 {
     if (snprintf(path, PATH_MAX, "%s/%s", dir, name) >= PATH_MAX)
         return fail(ERR_INPUT, "the path %.60s… is too long", dir);
     return OK;
 }
 
-static enum status open_lists(struct folder_export *e)
+static enum status open_lists(struct folder_export *export)
 {
     char path[PATH_MAX];
-    enum status status = folder_make(e->dir);
+    enum status status = folder_make(export->dir);
     for (int i = 0; i < LIST_COUNT && status == OK; i++) {
-        status = join(path, e->dir, lists[i].file);
+        status = join_path(path, export->dir, lists[i].file);
         if (status == OK)
-            status = output_open(&e->list[i], path);
+            status = output_open(&export->list[i], path);
         if (status == OK && lists[i].heading)
-            fprintf(output_file(e->list[i]), "%s\n", lists[i].heading);
+            fprintf(output_file(export->list[i]), "%s\n", lists[i].heading);
         if (status == OK && lists[i].images)
-            status = join(path, e->dir, lists[i].images);
+            status = join_path(path, export->dir, lists[i].images);
         if (status == OK && lists[i].images)
             status = folder_make(path);
     }
     return status;
 }
 
-static enum status write_image(struct folder_export *e, enum list list, int64_t frame, const uint8_t *bytes,
+static enum status write_image(struct folder_export *export, enum list list, int64_t frame, const uint8_t *bytes,
                                size_t count)
 {
     char name[64], path[PATH_MAX];
     snprintf(name, sizeof name, "%s/%06lld.%s", lists[list].images, (long long)frame,
              list == LIST_COLOR ? "jpg" : "png");
-    enum status status = join(path, e->dir, name);
+    enum status status = join_path(path, export->dir, name);
     if (status == OK)
         status = file_write(path, bytes, count);
     char time[SECONDS_TEXT_BYTES];
-    fprintf(output_file(e->list[list]), "%s %s\n", seconds_text(take_entry(e->take, frame)->time_ns, 9, time), name);
+    fprintf(output_file(export->list[list]), "%s %s\n", seconds_text(take_entry(export->take, frame)->time_ns, 9, time),
+            name);
     return status;
 }
 
-static enum status write_png(struct folder_export *e, enum list list, int64_t frame, const void *pixels)
+static enum status write_png(struct folder_export *export, enum list list, int64_t frame, const void *pixels)
 {
-    const struct lens *l = &take_calibration(e->take)->depth;
+    const struct lens *l = &take_calibration(export->take)->depth;
     const struct png_layout layout = {list == LIST_DEPTH ? PNG_GRAY16 : PNG_GRAY8, l->width, l->height};
     uint8_t *bytes;
     size_t count;
     enum status status = png_encode(&layout, pixels, 3, &bytes, &count);
     if (status == OK) {
-        status = write_image(e, list, frame, bytes, count);
+        status = write_image(export, list, frame, bytes, count);
         free(bytes);
     }
     return status;
 }
 
-static enum status write_mask(struct folder_export *e, int64_t frame, const uint8_t *mask)
+static enum status write_mask(struct folder_export *export, int64_t frame, const uint8_t *mask)
 {
-    const struct lens *l = &take_calibration(e->take)->depth;
+    const struct lens *l = &take_calibration(export->take)->depth;
     const size_t pixels = (size_t)l->width * (size_t)l->height;
-    if (!e->gray && !(e->gray = malloc(pixels)))
+    if (!export->gray && !(export->gray = malloc(pixels)))
         return fail(ERR_MEMORY, "no memory for a mask");
     for (size_t i = 0; i < pixels; i++)
-        e->gray[i] = mask[i] ? 255 : 0;
-    return write_png(e, LIST_MASK, frame, e->gray);
+        export->gray[i] = mask[i] ? 255 : 0;
+    return write_png(export, LIST_MASK, frame, export->gray);
 }
 
-static enum status write_color(struct folder_export *e, int64_t frame)
+static enum status write_color(struct folder_export *export, int64_t frame)
 {
     const uint8_t *jpeg;
     size_t count;
-    enum status status = take_read_jpeg(e->take, frame, &jpeg, &count);
+    enum status status = take_read_jpeg(export->take, frame, &jpeg, &count);
     if (status != OK)
         return status;
     uint8_t *plain;
     status = jpeg_without_metadata(jpeg, count, &plain, &count);
     if (status == OK)
-        status = write_image(e, LIST_COLOR, frame, plain, count);
+        status = write_image(export, LIST_COLOR, frame, plain, count);
     free(plain);
     return status;
 }
 
-static void write_pose(struct folder_export *e, const struct take_entry *entry)
+static void write_pose(struct folder_export *export, const struct take_entry *entry)
 {
     const struct pose *p = &entry->world_from_camera;
     char time[SECONDS_TEXT_BYTES];
-    fprintf(output_file(e->list[LIST_TRAJECTORY]), "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n",
+    fprintf(output_file(export->list[LIST_TRAJECTORY]), "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n",
             seconds_text(entry->time_ns, 9, time), p->translation.x, p->translation.y, p->translation.z, p->rotation.x,
             p->rotation.y, p->rotation.z, p->rotation.w);
 }
 
 // A frame's image in `list`. NOTHING: it has none.
-static enum status write_list_image(struct folder_export *e, enum list list, int64_t frame)
+static enum status write_list_image(struct folder_export *export, enum list list, int64_t frame)
 {
     struct take_images images;
     if (list == LIST_COLOR)
-        return write_color(e, frame);
-    const enum status status = take_read(e->take, frame, list == LIST_DEPTH ? TAKE_DEPTH : TAKE_MASK, &images);
+        return write_color(export, frame);
+    const enum status status = take_read(export->take, frame, list == LIST_DEPTH ? TAKE_DEPTH : TAKE_MASK, &images);
     if (status != OK)
         return status;
     if (list == LIST_DEPTH)
-        return images.depth ? write_png(e, LIST_DEPTH, frame, images.depth) : NOTHING;
-    return images.mask ? write_mask(e, frame, images.mask) : NOTHING;
+        return images.depth ? write_png(export, LIST_DEPTH, frame, images.depth) : NOTHING;
+    return images.mask ? write_mask(export, frame, images.mask) : NOTHING;
 }
 
-static void write_pair(struct folder_export *e, int64_t frame)
+static void write_pair(struct folder_export *export, int64_t frame)
 {
     char time[SECONDS_TEXT_BYTES];
-    seconds_text(take_entry(e->take, frame)->time_ns, 9, time);
-    fprintf(output_file(e->list[LIST_PAIRS]), "%s %s/%06lld.jpg %s %s/%06lld.png\n", time, lists[LIST_COLOR].images,
-            (long long)frame, time, lists[LIST_DEPTH].images, (long long)frame);
+    seconds_text(take_entry(export->take, frame)->time_ns, 9, time);
+    fprintf(output_file(export->list[LIST_PAIRS]), "%s %s/%06lld.jpg %s %s/%06lld.png\n", time,
+            lists[LIST_COLOR].images, (long long)frame, time, lists[LIST_DEPTH].images, (long long)frame);
 }
 
 // Each image on its own, so that a damaged one costs no other. *damaged: whether there was one.
-static enum status write_frame(struct folder_export *e, int64_t frame, bool *damaged)
+static enum status write_frame(struct folder_export *export, int64_t frame, bool *damaged)
 {
-    const struct take_entry *entry = take_entry(e->take, frame);
+    const struct take_entry *entry = take_entry(export->take, frame);
     bool written[LIST_MASK + 1];
     *damaged = false;
     for (enum list list = LIST_COLOR; list <= LIST_MASK; list++) {
-        const enum status status = write_list_image(e, list, frame);
+        const enum status status = write_list_image(export, list, frame);
         written[list] = status == OK;
         *damaged |= status == ERR_CORRUPT;
         if (status < 0 && status != ERR_CORRUPT)
             return status;
     }
     if (written[LIST_COLOR] && written[LIST_DEPTH])
-        write_pair(e, frame);
+        write_pair(export, frame);
     if (entry->located)
-        write_pose(e, entry);
+        write_pose(export, entry);
     return OK;
 }
 
-static enum status write_frames(struct folder_export *e, const struct progress_watch *watch, int64_t *damaged)
+static enum status write_frames(struct folder_export *export, const struct progress_watch *watch, int64_t *damaged)
 {
-    const int64_t frames = take_frame_count(e->take);
+    const int64_t frames = take_frame_count(export->take);
     enum status status = OK;
     *damaged = 0;
     for (int64_t i = 0; i < frames && status == OK; i++) {
         bool faulty = false;
-        status = progress_continue(watch, (double)i / (double)frames) ? write_frame(e, i, &faulty) : NOTHING;
+        status = progress_continue(watch, (double)i / (double)frames) ? write_frame(export, i, &faulty) : NOTHING;
         *damaged += faulty;
     }
     if (status == OK && *damaged == frames && frames)
         return ERR_CORRUPT; // the last one's sentence
     if (status == OK)
-        status = export_joints_csv(e->take, EXPORT_SENSOR, output_file(e->list[LIST_JOINTS]));
+        status = export_joints_csv(export->take, EXPORT_SENSOR, output_file(export->list[LIST_JOINTS]));
     char path[PATH_MAX];
     if (status == OK)
-        status = join(path, e->dir, "calibration.json");
-    return status == OK ? calibration_write(path, take_calibration(e->take)) : status;
+        status = join_path(path, export->dir, "calibration.json");
+    return status == OK ? calibration_write(path, take_calibration(export->take)) : status;
 }
 
 enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch, int64_t *damaged)

@@ -6,10 +6,11 @@
 //
 // *damaged: frames of which an image is damaged; it is left out, and the rest written. ERR_CORRUPT, where all are.
 #pragma once
-#include <stdlib.h>
 #include "base/progress.h"
 #include "recording/recording.h"
+
 #include <stdio.h>
+#include <stdlib.h>
 
 // ---------------------------------------------------------------- median
 

@@ -89,57 +89,58 @@ static const enum joint joint_of[BODY_POINT_COUNT] = {
     [BODY_POINT_RIGHT_TOE] = JOINT_RIGHT_FOOT,
 };
 
-void point_motion_add(struct point_motion *m, int64_t time_ns, const struct skeleton *skeleton)
+void point_motion_add(struct point_motion *motion, int64_t time_ns, const struct skeleton *skeleton)
 {
-    struct tracked_frame *to = &m->at[m->next];
+    struct tracked_frame *to = &motion->at[motion->next];
     *to = (struct tracked_frame){.time_ns = time_ns, .person = skeleton};
     if (skeleton) {
         memcpy(to->joint, skeleton->joint, sizeof to->joint);
         memcpy(to->confidence, skeleton->confidence, sizeof to->confidence);
     }
-    m->next = (m->next + 1) % POINT_MOTION_FRAMES;
-    m->count += m->count < POINT_MOTION_FRAMES;
+    motion->next = (motion->next + 1) % POINT_MOTION_FRAMES;
+    motion->count += motion->count < POINT_MOTION_FRAMES;
 }
 
-void point_motion_clear(struct point_motion *m) { m->count = 0; }
+void point_motion_clear(struct point_motion *motion) { motion->count = 0; }
 
 // The frame that was added `back` before the last; NULL: there is none.
-static const struct tracked_frame *frame_back(const struct point_motion *m, int back)
+static const struct tracked_frame *frame_back(const struct point_motion *motion, int back)
 {
-    return back < m->count ? &m->at[(m->next + POINT_MOTION_FRAMES - 1 - back) % POINT_MOTION_FRAMES] : NULL;
+    return back < motion->count ? &motion->at[(motion->next + POINT_MOTION_FRAMES - 1 - back) % POINT_MOTION_FRAMES]
+                                : NULL;
 }
 
-static const struct tracked_frame *frame_at(const struct point_motion *m, int64_t time_ns)
+static const struct tracked_frame *frame_at(const struct point_motion *motion, int64_t time_ns)
 {
-    for (int back = 0; back < m->count; back++)
-        if (frame_back(m, back)->time_ns == time_ns)
-            return frame_back(m, back);
+    for (int back = 0; back < motion->count; back++)
+        if (frame_back(motion, back)->time_ns == time_ns)
+            return frame_back(motion, back);
     return NULL;
 }
 
 // Where the joint is at now_ns, by its last two frames. Known in the last one.
-static struct vec3 predicted(const struct point_motion *m, enum joint j, int64_t now_ns)
+static struct vec3 predicted(const struct point_motion *motion, enum joint joint, int64_t now_ns)
 {
-    const struct tracked_frame *last = frame_back(m, 0), *before = frame_back(m, 1);
-    if (!before || !(before->confidence[j] > 0) || before->time_ns >= last->time_ns)
-        return last->joint[j];
+    const struct tracked_frame *last = frame_back(motion, 0), *before = frame_back(motion, 1);
+    if (!before || !(before->confidence[joint] > 0) || before->time_ns >= last->time_ns)
+        return last->joint[joint];
     const double share = (double)(now_ns - last->time_ns) / (double)(last->time_ns - before->time_ns);
-    return v3_mix(before->joint[j], last->joint[j], 1 + share);
+    return v3_mix(before->joint[joint], last->joint[joint], 1 + share);
 }
 
-bool point_motion_apply(const struct point_motion *m, const struct lens *color, int64_t from_ns, int64_t now_ns,
+bool point_motion_apply(const struct point_motion *motion, const struct lens *color, int64_t from_ns, int64_t now_ns,
                         struct body_points *points)
 {
     if (from_ns == now_ns)
         return true;
-    const struct tracked_frame *from = frame_at(m, from_ns), *last = frame_back(m, 0);
-    if (!from || now_ns < from_ns || now_ns - from_ns > POINT_MOTION_MOST_NS)
+    const struct tracked_frame *from = frame_at(motion, from_ns), *last = frame_back(motion, 0);
+    if (!from || now_ns < from_ns || now_ns - from_ns > POINT_MOTION_MAX_NS)
         return false;
     for (int k = 0; k < BODY_POINT_COUNT && points->person; k++) {
         const enum joint j = joint_of[k];
         if (!(from->confidence[j] > 0 && last->confidence[j] > 0))
             continue;
-        const struct vec3 then = from->joint[j], now = predicted(m, j, now_ns);
+        const struct vec3 then = from->joint[j], now = predicted(motion, j, now_ns);
         if (!(then.z > 0 && now.z > 0))
             continue;
         const struct pixel p = lens_project(color, then), q = lens_project(color, now);
@@ -171,49 +172,49 @@ struct point_finder {
     struct point_finder_state state;
 };
 
-static enum status find(struct point_finder *p, struct body_points *out)
+static enum status find(struct point_finder *finder, struct body_points *out)
 {
-    const struct point_finder_options *o = &p->options;
+    const struct point_finder_options *o = &finder->options;
     if (o->find)
-        return o->find(o->find_self, p->image, o->width, o->height, out);
-    return body_points_of_image(p->network, p->image, o->width, o->height, out);
+        return o->find(o->find_self, finder->image, o->width, o->height, out);
+    return body_points_of_image(finder->network, finder->image, o->width, o->height, out);
 }
 
-static void give_up(struct point_finder *p)
+static void give_up(struct point_finder *finder)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    p->ready = false;
-    snprintf(p->state.why_not, sizeof p->state.why_not, "%.255s", status_message());
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&finder->worker.lock);
+    finder->ready = false;
+    snprintf(finder->state.why_not, sizeof finder->state.why_not, "%.255s", status_message());
+    pthread_mutex_unlock(&finder->worker.lock);
 }
 
 // False: closing. *restart: the image is the first of a film.
-static bool wait_for_image(struct point_finder *p, bool *restart)
+static bool wait_for_image(struct point_finder *finder, bool *restart)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    while (!p->busy && !p->worker.closing)
-        pthread_cond_wait(&p->worker.changed, &p->worker.lock);
-    *restart = p->restart;
-    p->restart = false;
-    const bool closing = p->worker.closing;
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&finder->worker.lock);
+    while (!finder->busy && !finder->worker.closing)
+        pthread_cond_wait(&finder->worker.changed, &finder->worker.lock);
+    *restart = finder->restart;
+    finder->restart = false;
+    const bool closing = finder->worker.closing;
+    pthread_mutex_unlock(&finder->worker.lock);
     return !closing;
 }
 
-static void publish(struct point_finder *p, enum status status, const struct body_points *points, int64_t begun_ns)
+static void publish(struct point_finder *finder, enum status status, const struct body_points *points, int64_t begun_ns)
 {
     const int64_t now_ns = clock_now_ns();
-    pthread_mutex_lock(&p->worker.lock);
-    p->state.looked++;
-    p->state.looked_ms += (double)(now_ns - begun_ns) * 1e-6;
-    p->rest_until_ns = now_ns + REST * (now_ns - begun_ns);
-    if (status == OK && !p->restart) { // else of a film that is over
-        p->points = *points;
-        p->points_ns = p->image_ns;
-        p->found = true;
+    pthread_mutex_lock(&finder->worker.lock);
+    finder->state.looked++;
+    finder->state.looked_ms += (double)(now_ns - begun_ns) * 1e-6;
+    finder->rest_until_ns = now_ns + REST * (now_ns - begun_ns);
+    if (status == OK && !finder->restart) { // else of a film that is over
+        finder->points = *points;
+        finder->points_ns = finder->image_ns;
+        finder->found = true;
     }
-    p->busy = false;
-    pthread_mutex_unlock(&p->worker.lock);
+    finder->busy = false;
+    pthread_mutex_unlock(&finder->worker.lock);
 }
 
 static void *look(void *self)
@@ -267,47 +268,47 @@ void point_finder_close(struct point_finder **out)
     *out = NULL;
 }
 
-void point_finder_offer(struct point_finder *p, int64_t time_ns, const uint8_t *rgb)
+void point_finder_offer(struct point_finder *finder, int64_t time_ns, const uint8_t *rgb)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    const bool is_free = p->ready && !p->busy && clock_now_ns() >= p->rest_until_ns;
-    pthread_mutex_unlock(&p->worker.lock);
-    if (++p->offered < LOOK_EVERY || !is_free)
+    pthread_mutex_lock(&finder->worker.lock);
+    const bool is_free = finder->ready && !finder->busy && clock_now_ns() >= finder->rest_until_ns;
+    pthread_mutex_unlock(&finder->worker.lock);
+    if (++finder->offered < LOOK_EVERY || !is_free)
         return;
-    memcpy(p->image, rgb, 3 * (size_t)p->options.width * (size_t)p->options.height);
-    p->offered = 0;
-    pthread_mutex_lock(&p->worker.lock);
-    p->image_ns = time_ns;
-    p->busy = true;
-    pthread_cond_signal(&p->worker.changed);
-    pthread_mutex_unlock(&p->worker.lock);
+    memcpy(finder->image, rgb, 3 * (size_t)finder->options.width * (size_t)finder->options.height);
+    finder->offered = 0;
+    pthread_mutex_lock(&finder->worker.lock);
+    finder->image_ns = time_ns;
+    finder->busy = true;
+    pthread_cond_signal(&finder->worker.changed);
+    pthread_mutex_unlock(&finder->worker.lock);
 }
 
-bool point_finder_take(struct point_finder *p, int64_t *time_ns, struct body_points *out)
+bool point_finder_take(struct point_finder *finder, int64_t *time_ns, struct body_points *out)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    const bool found = p->found;
+    pthread_mutex_lock(&finder->worker.lock);
+    const bool found = finder->found;
     if (found) {
-        *time_ns = p->points_ns;
-        *out = p->points;
+        *time_ns = finder->points_ns;
+        *out = finder->points;
     }
-    p->found = false;
-    pthread_mutex_unlock(&p->worker.lock);
+    finder->found = false;
+    pthread_mutex_unlock(&finder->worker.lock);
     return found;
 }
 
-void point_finder_restart(struct point_finder *p)
+void point_finder_restart(struct point_finder *finder)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    p->restart = true;
-    p->found = false;
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&finder->worker.lock);
+    finder->restart = true;
+    finder->found = false;
+    pthread_mutex_unlock(&finder->worker.lock);
 }
 
-struct point_finder_state point_finder_query(struct point_finder *p)
+struct point_finder_state point_finder_query(struct point_finder *finder)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    const struct point_finder_state state = p->state;
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&finder->worker.lock);
+    const struct point_finder_state state = finder->state;
+    pthread_mutex_unlock(&finder->worker.lock);
     return state;
 }

@@ -26,7 +26,7 @@ MUST_CHECK enum status body_points_of_image(struct pose_network *n, const uint8_
 // in the image since, as tracked, and as it goes on at constant velocity from the last tracked frame to the next. Pure.
 
 enum { POINT_MOTION_FRAMES = 12 };
-#define POINT_MOTION_MOST_NS INT64_C(300000000) // older points are of no use
+#define POINT_MOTION_MAX_NS INT64_C(300000000) // older points are of no use
 
 struct tracked_frame {
     int64_t time_ns;
@@ -41,12 +41,12 @@ struct point_motion {
 };
 
 // skeleton: colour camera's axes; NULL: no person.
-void point_motion_add(struct point_motion *m, int64_t time_ns, const struct skeleton *skeleton);
-void point_motion_clear(struct point_motion *m);
+void point_motion_add(struct point_motion *motion, int64_t time_ns, const struct skeleton *skeleton);
+void point_motion_clear(struct point_motion *motion);
 
 // Moves the points of the image at `from_ns` to now_ns, which is not before it. False: they are too old, or of no frame
 // that was added, unless it is now_ns's own. Points whose joints were not known then and last stay where they are.
-bool point_motion_apply(const struct point_motion *m, const struct lens *color, int64_t from_ns, int64_t now_ns,
+bool point_motion_apply(const struct point_motion *motion, const struct lens *color, int64_t from_ns, int64_t now_ns,
                         struct body_points *points);
 
 // ---------------------------------------------------------------- point finder
@@ -64,17 +64,17 @@ MUST_CHECK enum status point_finder_open(struct point_finder **out, const struct
 void point_finder_close(struct point_finder **p); // NULL is fine; waits for the thread
 
 // An image of the film. Copies it where it is to be looked at.
-void point_finder_offer(struct point_finder *p, int64_t time_ns, const uint8_t *rgb);
+void point_finder_offer(struct point_finder *finder, int64_t time_ns, const uint8_t *rgb);
 
 // The points that were found last, once, and the time of their image. False: none since the last call.
-bool point_finder_take(struct point_finder *p, int64_t *time_ns, struct body_points *out);
+bool point_finder_take(struct point_finder *finder, int64_t *time_ns, struct body_points *out);
 
 // The next image has nothing to do with the last.
-void point_finder_restart(struct point_finder *p);
+void point_finder_restart(struct point_finder *finder);
 
 struct point_finder_state {
     int64_t looked;    // images
     double looked_ms;  // the time this took, sum
     char why_not[256]; // why none are looked for; "": they are
 };
-struct point_finder_state point_finder_query(struct point_finder *p);
+struct point_finder_state point_finder_query(struct point_finder *finder);

@@ -3,9 +3,9 @@
 
 #include "base/clock.h"
 #include "base/threads.h"
-#include "capture/point_finder.h"
 #include "capture/body_radii.h"
 #include "capture/follow.h"
+#include "capture/point_finder.h"
 #include "capture/take_verdict.h"
 #include "capture/tracking/skeleton_smoother.h"
 #include "platform/files/file.h"
@@ -83,7 +83,7 @@ static struct recorder_item *recorder_item_from_frame(const struct frame *frame,
 enum { WAITING_FRAMES = 60, WAITING_WRITES = 20 };
 
 // What the frames of one queue may take together: of large pictures fewer wait.
-enum { WAITING_BYTES_MAX = 256 << 20, WAITING_LEAST = 3 };
+enum { WAITING_BYTES_MAX = 256 << 20, WAITING_MIN = 3 };
 
 // How far a recorded source is read ahead of what is in the file: a kill costs less than a second of film.
 enum { FILM_AT_RISK_NS = 900000000 };
@@ -129,15 +129,16 @@ struct recorder {
 // The points of image k belong to frame k and travel with it, so that the same images give the same joints. A recorded
 // source waits for them. A live one's frames queue up meanwhile, and only where the network does not keep up with the
 // sensor are images left out.
-static enum status look_at(struct recorder *r, struct recorder_item *item)
+static enum status look_at(struct recorder *recorder, struct recorder_item *item)
 {
-    const bool due = r->seen++ % LOOK_EVERY == 0 && !(r->live && queue_count(r->to_look) > LOOK_WAITING_MAX);
+    const bool due =
+        recorder->seen++ % LOOK_EVERY == 0 && !(recorder->live && queue_count(recorder->to_look) > LOOK_WAITING_MAX);
     if (!due || !item->color)
         return OK;
-    const struct lens *lens = &r->calibration->color;
-    enum status status = body_points_of_image(r->network, item->color, lens->width, lens->height, &item->points);
+    const struct lens *lens = &recorder->calibration->color;
+    enum status status = body_points_of_image(recorder->network, item->color, lens->width, lens->height, &item->points);
     item->has_points = status == OK;
-    r->looked++;
+    recorder->looked++;
     return status < 0 ? status : OK;
 }
 
@@ -170,45 +171,46 @@ static struct follower_frame frame_of_item(const struct recorder_item *item)
 }
 
 // Smoothing is optional: where its memory cannot grow, it is given up and recording goes on.
-static enum status push_to_smoother(struct recorder *r, int64_t time_ns, const struct skeleton *online)
+static enum status push_to_smoother(struct recorder *recorder, int64_t time_ns, const struct skeleton *online)
 {
-    if (!r->smoother)
+    if (!recorder->smoother)
         return OK;
-    enum status status = smoother_push(r->smoother, follower_tracker(r->follower), time_ns, online);
+    enum status status = smoother_push(recorder->smoother, follower_tracker(recorder->follower), time_ns, online);
     if (status != ERR_MEMORY)
         return status;
-    smoother_close(&r->smoother);
-    r->smoothing_out_of_memory = true;
+    smoother_close(&recorder->smoother);
+    recorder->smoothing_out_of_memory = true;
     return OK;
 }
 
 // The item has been located.
-static enum status track_item(struct recorder *r, struct recorder_item *item, struct followed_frame *followed)
+static enum status track_item(struct recorder *recorder, struct recorder_item *item, struct followed_frame *followed)
 {
     const struct follower_frame frame = frame_of_item(item);
     if (item->after_pause) // the person may stand elsewhere by now
-        follower_reset(r->follower);
+        follower_reset(recorder->follower);
     if (item->has_points)
-        follower_set_points(r->follower, item->time_ns, &item->points);
-    enum status status = follower_track(r->follower, &frame, followed);
+        follower_set_points(recorder->follower, item->time_ns, &item->points);
+    enum status status = follower_track(recorder->follower, &frame, followed);
     if (status != OK)
         return status;
     item->located = followed->located;
     item->world_from_camera = followed->world_from_camera;
     item->skeleton = followed->skeleton;
-    status = push_to_smoother(r, item->time_ns, followed->person ? &item->skeleton : NULL);
+    status = push_to_smoother(recorder, item->time_ns, followed->person ? &item->skeleton : NULL);
     if (status != OK || !followed->person)
         return status;
     item->has_skeleton = true;
-    item->body_changed =
-        body_radii_add_frame(&r->radii, r->frames_processed, r->calibration, &item->skeleton, item->depth, item->mask);
-    item->body = r->radii.body;
+    item->body_changed = body_radii_add_frame(&recorder->radii, recorder->frames_processed, recorder->calibration,
+                                              &item->skeleton, item->depth, item->mask);
+    item->body = recorder->radii.body;
     return OK;
 }
 
-static void show_item(const struct recorder *r, const struct recorder_item *item, const struct followed_frame *followed)
+static void show_item(const struct recorder *recorder, const struct recorder_item *item,
+                      const struct followed_frame *followed)
 {
-    if (!r->options->on_seen)
+    if (!recorder->options->on_seen)
         return;
     const struct recorder_seen seen = {.time_ns = item->time_ns,
                                        .color = item->color,
@@ -218,45 +220,45 @@ static void show_item(const struct recorder *r, const struct recorder_item *item
                                        .located = item->located,
                                        .sight = followed->sight,
                                        .sensor_moves = followed->sensor_moves};
-    r->options->on_seen(r->options->context, &seen);
+    recorder->options->on_seen(recorder->options->context, &seen);
 }
 
 // Takes ownership of the item. located_before: it has been located already, as the first frames have.
-static enum status process_item(struct recorder *r, struct recorder_item *item, bool located_before)
+static enum status process_item(struct recorder *recorder, struct recorder_item *item, bool located_before)
 {
     int64_t begun = clock_now_ns();
     struct followed_frame followed;
     const struct follower_frame frame = frame_of_item(item);
-    enum status status = located_before ? OK : follower_locate(r->follower, &frame);
+    enum status status = located_before ? OK : follower_locate(recorder->follower, &frame);
     if (status == OK)
-        status = track_item(r, item, &followed);
+        status = track_item(recorder, item, &followed);
     if (status == OK && item->color && !item->jpeg)
-        status = jpeg_encode(item->color, r->calibration->color.width, r->calibration->color.height, JPEG_QUALITY,
-                             &item->jpeg, &item->jpeg_bytes);
+        status = jpeg_encode(item->color, recorder->calibration->color.width, recorder->calibration->color.height,
+                             JPEG_QUALITY, &item->jpeg, &item->jpeg_bytes);
     if (status == OK)
-        show_item(r, item, &followed);
+        show_item(recorder, item, &followed);
     double ms = (double)(clock_now_ns() - begun) / 1e6;
-    r->busy_ms += ms;
-    r->slowest_ms = fmax(r->slowest_ms, ms);
-    r->frames_processed++;
-    if (status != OK || !queue_put(r->to_write, item))
+    recorder->busy_ms += ms;
+    recorder->slowest_ms = fmax(recorder->slowest_ms, ms);
+    recorder->frames_processed++;
+    if (status != OK || !queue_put(recorder->to_write, item))
         recorder_item_free(item);
     return status;
 }
 
 // The first frames are held back until the sensor's pose has been averaged over all of them.
-static enum status process_first(struct recorder *r)
+static enum status process_first(struct recorder *recorder)
 {
     struct recorder_item *held[SENSOR_POSE_WARM_UP];
     int count = 0;
     enum status status = OK;
-    while (count < SENSOR_POSE_WARM_UP && status == OK && (held[count] = queue_take(r->to_process))) {
+    while (count < SENSOR_POSE_WARM_UP && status == OK && (held[count] = queue_take(recorder->to_process))) {
         const struct follower_frame frame = frame_of_item(held[count++]);
-        status = follower_locate(r->follower, &frame);
+        status = follower_locate(recorder->follower, &frame);
     }
     for (int i = 0; i < count; i++) {
         if (status == OK)
-            status = process_item(r, held[i], true);
+            status = process_item(recorder, held[i], true);
         else
             recorder_item_free(held[i]);
     }
@@ -279,7 +281,7 @@ static void *process_all(void *context)
 
 // ------------------------------------------------------------- writing
 
-static enum status write_item(struct recorder *r, const struct recorder_item *item)
+static enum status write_item(struct recorder *recorder, const struct recorder_item *item)
 {
     struct take_frame frame = {
         .time_ns = item->time_ns,
@@ -292,12 +294,12 @@ static enum status write_item(struct recorder *r, const struct recorder_item *it
         .has_skeleton = item->has_skeleton,
         .skeleton = item->skeleton,
     };
-    enum status status = recording_add_frame(r->writer, &frame);
+    enum status status = recording_add_frame(recorder->writer, &frame);
     if (status == OK && item->body_changed)
-        status = recording_put_body(r->writer, &item->body);
+        status = recording_put_body(recorder->writer, &item->body);
     if (status == OK) {
-        r->written++;
-        r->tracked += item->has_skeleton;
+        recorder->written++;
+        recorder->tracked += item->has_skeleton;
     }
     return status;
 }
@@ -320,23 +322,23 @@ static void *write_all(void *context)
 
 // ------------------------------------------------------------- reading
 
-// Frames that a queue of up to `most` may hold.
-static int waiting_frames(const struct calibration *c, int most)
+// Frames that a queue of up to `max` may hold.
+static int waiting_frames(const struct calibration *calibration, int max)
 {
-    const size_t bytes =
-        4 * lens_pixels(&c->color) + 3 * lens_pixels(&c->depth) + 1; // with the JPEG, at most a byte a pixel
+    const size_t bytes = 4 * lens_pixels(&calibration->color) + 3 * lens_pixels(&calibration->depth) +
+                         1; // with the JPEG, at most a byte a pixel
     const size_t fit = WAITING_BYTES_MAX / bytes;
-    return fit < WAITING_LEAST ? WAITING_LEAST : fit < (size_t)most ? (int)fit : most;
+    return fit < WAITING_MIN ? WAITING_MIN : fit < (size_t)max ? (int)fit : max;
 }
 
 // Waits until so little film is on its way that a kill would cost less than a second. The first frames are held back
 // until the sensor is located, and two must be on their way in any case, so that slow films move on.
-static void wait_for_file(struct recorder *r, int64_t time_ns, int64_t frames_read)
+static void wait_for_file(struct recorder *recorder, int64_t time_ns, int64_t frames_read)
 {
-    struct queue *first = r->to_look ? r->to_look : r->to_process;
-    while (!r->live && !queue_is_stopped(first)) {
-        const struct recording_counters c = recording_writer_count(r->writer);
-        const int64_t kept = c.synced_frames - r->synced_before;
+    struct queue *first = recorder->to_look ? recorder->to_look : recorder->to_process;
+    while (!recorder->live && !queue_is_stopped(first)) {
+        const struct recording_counters c = recording_writer_count(recorder->writer);
+        const int64_t kept = c.synced_frames - recorder->synced_before;
         if (c.failed || frames_read - kept < (kept > 0 ? 2 : SENSOR_POSE_WARM_UP + 2) ||
             (kept > 0 && time_ns - c.synced_ns < FILM_AT_RISK_NS))
             return;
@@ -344,54 +346,54 @@ static void wait_for_file(struct recorder *r, int64_t time_ns, int64_t frames_re
     }
 }
 
-static int waiting_now(struct recorder *r)
+static int waiting_now(struct recorder *recorder)
 {
-    return (r->to_look ? queue_count(r->to_look) : 0) + queue_count(r->to_process) + queue_count(r->to_write) +
-           (int)recording_writer_count(r->writer).waiting_frames;
+    return (recorder->to_look ? queue_count(recorder->to_look) : 0) + queue_count(recorder->to_process) +
+           queue_count(recorder->to_write) + (int)recording_writer_count(recorder->writer).waiting_frames;
 }
 
-static void report_state(struct recorder *r, const struct recorder_options *options, int64_t film_ns,
+static void report_state(struct recorder *recorder, const struct recorder_options *options, int64_t film_ns,
                          struct recorder_result *result)
 {
-    const int waiting = waiting_now(r);
-    result->waiting_most = waiting > result->waiting_most ? waiting : result->waiting_most;
+    const int waiting = waiting_now(recorder);
+    result->waiting_max = waiting > result->waiting_max ? waiting : result->waiting_max;
     const double seconds = (double)film_ns * 1e-9,
-                 written = (double)(recording_writer_count(r->writer).written_bytes - r->written_before);
+                 written = (double)(recording_writer_count(recorder->writer).written_bytes - recorder->written_before);
     result->mb_per_s = seconds > 0.5 ? written * 1e-6 / seconds : 0;
     struct recorder_state state = {
         .waiting = waiting, .dropped = result->dropped, .mb_per_s = result->mb_per_s, .minutes_left = -1};
     const int64_t now_ns = clock_now_ns();
-    if (!options->on_state || now_ns - r->state_ns < 1000000000)
+    if (!options->on_state || now_ns - recorder->state_ns < 1000000000)
         return;
-    r->state_ns = now_ns;
-    const double room = (double)file_room_bytes(recording_writer_path(r->writer)) * 1e-6;
+    recorder->state_ns = now_ns;
+    const double room = (double)file_room_bytes(recording_writer_path(recorder->writer)) * 1e-6;
     if (result->mb_per_s > 0 && room >= 0)
         state.minutes_left = room / result->mb_per_s / 60;
     options->on_state(options->context, &state);
 }
 
 // Hands one frame to the workers. NOTHING: one of them failed; its own status says why.
-static enum status hand_over(struct recorder *r, const struct frame *frame, bool after_pause,
+static enum status hand_over(struct recorder *recorder, const struct frame *frame, bool after_pause,
                              struct recorder_result *result)
 {
     const int64_t begun_ns = clock_now_ns();
-    struct recorder_item *item = recorder_item_from_frame(frame, r->calibration);
+    struct recorder_item *item = recorder_item_from_frame(frame, recorder->calibration);
     if (!item)
         return fail(ERR_MEMORY, "no memory for another frame");
     item->after_pause = after_pause;
-    struct queue *first = r->to_look ? r->to_look : r->to_process;
-    const bool taken = r->live ? queue_try_put(first, item) : queue_put(first, item);
-    if (r->live)
+    struct queue *first = recorder->to_look ? recorder->to_look : recorder->to_process;
+    const bool taken = recorder->live ? queue_try_put(first, item) : queue_put(first, item);
+    if (recorder->live)
         result->handover_ms = fmax(result->handover_ms, (double)(clock_now_ns() - begun_ns) * 1e-6);
     if (taken)
         return OK;
     recorder_item_free(item);
-    result->dropped += r->live;
-    return r->live ? OK : NOTHING;
+    result->dropped += recorder->live;
+    return recorder->live ? OK : NOTHING;
 }
 
 // Until the source ends, the user stops or a worker fails.
-static enum status read_all(struct recorder *r, struct source *source, const struct recorder_options *options,
+static enum status read_all(struct recorder *recorder, struct source *source, const struct recorder_options *options,
                             struct recorder_result *result)
 {
     struct take_clock clock = {0};
@@ -402,11 +404,11 @@ static enum status read_all(struct recorder *r, struct source *source, const str
             return status == NOTHING ? OK : status;
         if (options->on_read)
             options->on_read(options->context, &frame);
-        wait_for_file(r, frame.time_ns, clock.frames - 1);
-        status = hand_over(r, &frame, clock.after_pause, result);
+        wait_for_file(recorder, frame.time_ns, clock.frames - 1);
+        status = hand_over(recorder, &frame, clock.after_pause, result);
         if (status != OK)
             return status == NOTHING ? OK : status;
-        report_state(r, options, frame.time_ns - clock.first_ns, result);
+        report_state(recorder, options, frame.time_ns - clock.first_ns, result);
         if (options->on_frame)
             options->on_frame(options->context);
     }
@@ -414,7 +416,7 @@ static enum status read_all(struct recorder *r, struct source *source, const str
 
 // ------------------------------------------------------------- the take
 
-static void drain(struct queue *queue)
+static void drain_queue(struct queue *queue)
 {
     struct recorder_item *item;
     if (!queue)
@@ -424,60 +426,61 @@ static void drain(struct queue *queue)
         recorder_item_free(item);
 }
 
-static void recorder_free(struct recorder *r)
+static void recorder_free(struct recorder *recorder)
 {
-    drain(r->to_look);
-    drain(r->to_process);
-    drain(r->to_write);
-    queue_close(&r->to_look);
-    queue_close(&r->to_process);
-    queue_close(&r->to_write);
-    follower_close(&r->follower);
-    smoother_close(&r->smoother);
-    pose_network_close(&r->network);
+    drain_queue(recorder->to_look);
+    drain_queue(recorder->to_process);
+    drain_queue(recorder->to_write);
+    queue_close(&recorder->to_look);
+    queue_close(&recorder->to_process);
+    queue_close(&recorder->to_write);
+    follower_close(&recorder->follower);
+    smoother_close(&recorder->smoother);
+    pose_network_close(&recorder->network);
 }
 
 // Without the networks everything works from depth alone; the result says so.
-static enum status prepare_points(struct recorder *r, struct recorder_result *result)
+static enum status prepare_points(struct recorder *recorder, struct recorder_result *result)
 {
-    if (r->calibration->color.width <= 0)
+    if (recorder->calibration->color.width <= 0)
         return OK;
-    enum status status = pose_network_open(&r->network, NULL, POSE_NETWORK_LITE);
+    enum status status = pose_network_open(&recorder->network, NULL, POSE_NETWORK_LITE);
     if (status == ERR_MISSING) {
         snprintf(result->no_body_points, sizeof result->no_body_points, "%.255s", status_message());
         return OK;
     }
-    return status == OK ? queue_open(&r->to_look, waiting_frames(r->calibration, WAITING_FRAMES)) : status;
+    return status == OK ? queue_open(&recorder->to_look, waiting_frames(recorder->calibration, WAITING_FRAMES))
+                        : status;
 }
 
-static enum status recorder_prepare(struct recorder *r, const struct place *place, const struct recorder_options *given,
-                                    struct recorder_result *result)
+static enum status recorder_prepare(struct recorder *recorder, const struct place *place,
+                                    const struct recorder_options *given, struct recorder_result *result)
 {
     struct follower_options options = follower_default_options();
     options.place = place;
-    body_radii_start(&r->radii);
-    enum status status = given->body_points ? prepare_points(r, result) : OK;
+    body_radii_start(&recorder->radii);
+    enum status status = given->body_points ? prepare_points(recorder, result) : OK;
     if (status == OK)
-        status = follower_open(&r->follower, r->calibration, &options);
+        status = follower_open(&recorder->follower, recorder->calibration, &options);
     if (status == OK)
-        status = smoother_open(&r->smoother, r->calibration);
+        status = smoother_open(&recorder->smoother, recorder->calibration);
     if (status == OK)
-        smoother_limit_memory(r->smoother, given->smoother_bytes_max);
+        smoother_limit_memory(recorder->smoother, given->smoother_bytes_max);
     if (status == OK)
-        status =
-            queue_open(&r->to_process, waiting_frames(r->calibration, r->to_look ? WAITING_LOOKED : WAITING_FRAMES));
+        status = queue_open(&recorder->to_process,
+                            waiting_frames(recorder->calibration, recorder->to_look ? WAITING_LOOKED : WAITING_FRAMES));
     if (status == OK)
-        status = queue_open(&r->to_write, waiting_frames(r->calibration, WAITING_WRITES));
+        status = queue_open(&recorder->to_write, waiting_frames(recorder->calibration, WAITING_WRITES));
     return status;
 }
 
-static void fill_result(const struct recorder *r, const struct source *source, struct recorder_result *result)
+static void fill_result(const struct recorder *recorder, const struct source *source, struct recorder_result *result)
 {
     struct pose pose;
-    const struct sensor_pose *sensor = r->follower ? follower_sensor_pose(r->follower) : NULL;
-    result->frames = r->written;
-    result->tracked = r->tracked;
-    result->looked = r->looked;
+    const struct sensor_pose *sensor = recorder->follower ? follower_sensor_pose(recorder->follower) : NULL;
+    result->frames = recorder->written;
+    result->tracked = recorder->tracked;
+    result->looked = recorder->looked;
     result->dropped += source_dropped(source);
     result->first_moved = -1;
     if (sensor) {
@@ -488,60 +491,61 @@ static void fill_result(const struct recorder *r, const struct source *source, s
         result->mirrored = sight.mirrored;
         result->tags_moved = sensor_pose_moved_tags(sensor, &result->first_moved);
     }
-    result->smoothing_out_of_memory = r->smoothing_out_of_memory;
-    result->slowest_ms = r->slowest_ms;
-    result->mean_ms = r->frames_processed ? r->busy_ms / (double)r->frames_processed : 0;
+    result->smoothing_out_of_memory = recorder->smoothing_out_of_memory;
+    result->slowest_ms = recorder->slowest_ms;
+    result->mean_ms = recorder->frames_processed ? recorder->busy_ms / (double)recorder->frames_processed : 0;
 }
 
 // The take is complete already, and stays so whatever fails here.
-static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,
+static enum status smooth_take(struct recorder *recorder, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
-    if (!r->tracked || !r->smoother)
+    if (!recorder->tracked || !recorder->smoother)
         return OK;
-    const struct sensor_pose *sensor = follower_sensor_pose(r->follower);
+    const struct sensor_pose *sensor = follower_sensor_pose(recorder->follower);
     if (sensor && sensor_pose_far_moves(sensor))
         return OK;
     int64_t begun = clock_now_ns();
-    enum status status = take_smooth(r->smoother, follower_tracker(r->follower), r->writer, name, options);
+    enum status status =
+        take_smooth(recorder->smoother, follower_tracker(recorder->follower), recorder->writer, name, options);
     if (status == ERR_MEMORY) {
         result->smoothing_out_of_memory = true;
         return OK;
     }
     if (status == OK)
-        result->smoothing_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
+        result->smoothing_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)recorder->written;
     return status == NOTHING ? OK : status;
 }
 
 // Runs the workers beside read_all. Of several failures the likeliest cause is returned: writing, then processing, then
 // looking, then the sensor.
-static enum status run_threads(struct recorder *r, struct source *source, const struct recorder_options *options,
+static enum status run_threads(struct recorder *recorder, struct source *source, const struct recorder_options *options,
                                struct recorder_result *result)
 {
     struct worker_thread looking, processing, writing;
     worker_thread_open(&looking);
     worker_thread_open(&processing);
     worker_thread_open(&writing);
-    enum status status = worker_thread_start(&processing, process_all, r, "to track the person on");
+    enum status status = worker_thread_start(&processing, process_all, recorder, "to track the person on");
     if (status == OK)
-        status = worker_thread_start(&writing, write_all, r, "to write the recording on");
-    if (status == OK && r->to_look)
-        status = worker_thread_start(&looking, look_at_all, r, "to look for body points on");
+        status = worker_thread_start(&writing, write_all, recorder, "to write the recording on");
+    if (status == OK && recorder->to_look)
+        status = worker_thread_start(&looking, look_at_all, recorder, "to look for body points on");
     if (status == OK)
-        status = read_all(r, source, options, result);
-    if (r->to_look)
-        queue_stop(r->to_look);
+        status = read_all(recorder, source, options, result);
+    if (recorder->to_look)
+        queue_stop(recorder->to_look);
     worker_thread_close(&looking);
-    queue_stop(r->to_process);
+    queue_stop(recorder->to_process);
     worker_thread_close(&processing);
-    queue_stop(r->to_write);
+    queue_stop(recorder->to_write);
     worker_thread_close(&writing);
-    if (r->write_failure.status != OK)
-        return failure_restore(&r->write_failure);
-    if (r->process_failure.status != OK)
-        return failure_restore(&r->process_failure);
-    if (r->look_failure.status != OK)
-        return failure_restore(&r->look_failure);
+    if (recorder->write_failure.status != OK)
+        return failure_restore(&recorder->write_failure);
+    if (recorder->process_failure.status != OK)
+        return failure_restore(&recorder->process_failure);
+    if (recorder->look_failure.status != OK)
+        return failure_restore(&recorder->look_failure);
     return status;
 }
 

@@ -20,9 +20,9 @@
 // Memory: 1.9 MB for each of up to 85 waiting frames at 640 x 480, and for smoothing 2.5 KiB a frame: 335 MB for an
 // hour at 30 Hz, because the array doubles. Where that cannot be had, recording goes on without smoothing.
 #pragma once
-#include "recording/recording.h"
 #include "capture/sensor_pose.h"
 #include "platform/sensors/source.h"
+#include "recording/recording.h"
 
 #define RECORDER_PAUSE_NS 1000000000
 
@@ -72,7 +72,7 @@ struct recorder_result {
     int64_t looked;           // of them looked at for body points
     char no_body_points[256]; // why none were looked for although wanted: the networks are missing; "" else
     int64_t dropped;          // lost by the sensor or by the recorder
-    int waiting_most;         // frames that waited between the sensor and the file, at most
+    int waiting_max;          // frames that waited between the sensor and the file, at most
     double handover_ms;       // the longest that the sensor's thread spent on handing over one frame
     double mb_per_s;          // written, per second of film
     int64_t damaged;          // images that could not be read

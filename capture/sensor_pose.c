@@ -65,7 +65,7 @@ static const double DEGREES = 180 / 3.14159265358979323846;
 static const double STANDS_S = 1, STANDS_DEGREES = 35;
 static const double LEVEL_DEGREES = 8; // a tilt that changes no finding: a part is different from 10 degrees on
 
-static bool stands(const struct take *take)
+static bool is_actor_upright(const struct take *take)
 {
     struct vec3 sum = {0, 0, 0}, axis;
     double seconds = 0;
@@ -96,7 +96,7 @@ enum status sensor_tilt_find(struct take *take, struct sensor_tilt *out)
     struct vec3 sum = {0, 0, 0};
     enum status status = OK;
     int seen = 0;
-    *out = (struct sensor_tilt){.matters = !take_is_located(take) && shows_person(take) && !stands(take)};
+    *out = (struct sensor_tilt){.matters = !take_is_located(take) && shows_person(take) && !is_actor_upright(take)};
     for (int k = 0; k < LOOKS && out->matters && c->depth.width > 0 && status == OK; k++) {
         struct take_images images;
         struct floor_plane floor;
@@ -113,21 +113,21 @@ enum status sensor_tilt_find(struct take *take, struct sensor_tilt *out)
     return status;
 }
 
-void sensor_tilt_say(const struct sensor_tilt *t, struct take_verdict *out)
+void sensor_tilt_say(const struct sensor_tilt *tilt, struct take_verdict *out)
 {
-    if (!t->matters)
+    if (!tilt->matters)
         return;
-    if (!t->known)
+    if (!tilt->known)
         verdict_say(
             out, 0,
             "how the sensor is tilted is not known: stand upright for a second, have the floor in the picture, or "
             "map the room, to be compared rightly");
-    else if (t->degrees > LEVEL_DEGREES)
+    else if (tilt->degrees > LEVEL_DEGREES)
         verdict_say(
             out, USE_COMPARE,
             "the sensor is tilted by %.0f degrees: put it level, stand upright for a second, or map the room, to "
             "be compared rightly",
-            t->degrees);
+            tilt->degrees);
 }
 
 // ---------------------------------------------------------------- sensor pose
@@ -141,7 +141,7 @@ enum { CHECK_EVERY = 15, CHECK_SOON = 5 };
 // agree with it, because a person who covers a tag makes poses that are off by centimetres, the same way for seconds.
 // Candidates as accurate as the best pose in the mean need fewer checks. Chosen by hand.
 static const double GATE_SIGMAS = 3;
-static const double LEAST_MOVED_M = 0.01, LEAST_MOVED_RAD = 0.003, MOST_MOVED_M = 0.05, MOST_MOVED_RAD = 0.02;
+static const double MIN_MOVED_M = 0.01, MIN_MOVED_RAD = 0.003, MAX_MOVED_M = 0.05, MAX_MOVED_RAD = 0.02;
 enum { CHECKS_ACCURATE = 3, CHECKS_OTHER = 8 };
 
 // Less accurate poses than the locator accepts by default are used, because the floor improves them.
@@ -159,7 +159,7 @@ struct sensor_pose {
     int poses;                 // in the mean; 0 = not located
     struct pose mean;
     double mean_weight;
-    double least_sigma_m; // of the poses in the mean
+    double min_sigma_m;   // of the poses in the mean
     int candidate_checks; // that agreed with the candidate in a row; 0 = there is none
     struct pose candidate;
     bool candidate_is_accurate; // about as accurate as the best pose in the mean
@@ -172,16 +172,16 @@ struct sensor_pose {
     int scales;
 };
 
-static enum status open_mirror(struct sensor_pose *s, const struct place *place)
+static enum status open_mirror(struct sensor_pose *pose, const struct place *place)
 {
     if (!place->tag_count)
         return OK;
     int32_t *ids = malloc((size_t)place->tag_count * sizeof *ids);
-    s->gray = malloc(lens_pixels(&s->calibration.color));
+    pose->gray = malloc(lens_pixels(&pose->calibration.color));
     for (int32_t i = 0; i < place->tag_count && ids; i++)
         ids[i] = place->tags[i].id;
-    const enum status status = ids && s->gray
-                                   ? mirrored_tags_open(&s->mirror, &s->calibration.color, ids, place->tag_count)
+    const enum status status = ids && pose->gray
+                                   ? mirrored_tags_open(&pose->mirror, &pose->calibration.color, ids, place->tag_count)
                                    : fail(ERR_MEMORY, "no memory to locate the sensor");
     free(ids);
     return status;
@@ -217,76 +217,76 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
     return OK;
 }
 
-void sensor_pose_close(struct sensor_pose **s)
+void sensor_pose_close(struct sensor_pose **pose)
 {
-    if (*s) {
-        locator_close(&(*s)->locator);
-        mirrored_tags_close(&(*s)->mirror);
-        free((*s)->gray);
-        free((*s)->references);
+    if (*pose) {
+        locator_close(&(*pose)->locator);
+        mirrored_tags_close(&(*pose)->mirror);
+        free((*pose)->gray);
+        free((*pose)->references);
     }
-    free(*s);
-    *s = NULL;
+    free(*pose);
+    *pose = NULL;
 }
 
 // Whether a pose agrees with an earlier one within its covariance (6-vector: rotation, then translation).
-static bool agree(const struct location *found, struct pose before)
+static bool is_pose_consistent(const struct location *found, struct pose before)
 {
     const double *c = found->covariance;
     double angle = GATE_SIGMAS * sqrt(c[0] + c[7] + c[14]), shift = GATE_SIGMAS * found->position_sigma_m;
-    angle = fmin(fmax(angle, LEAST_MOVED_RAD), MOST_MOVED_RAD);
-    shift = fmin(fmax(shift, LEAST_MOVED_M), MOST_MOVED_M);
+    angle = fmin(fmax(angle, MIN_MOVED_RAD), MAX_MOVED_RAD);
+    shift = fmin(fmax(shift, MIN_MOVED_M), MAX_MOVED_M);
     return v3_distance(found->world_from_camera.translation, before.translation) < shift &&
            pose_angle(found->world_from_camera, before) < angle;
 }
 
 static bool is_far(struct pose a, struct pose b)
 {
-    return !(v3_distance(a.translation, b.translation) < MOST_MOVED_M && pose_angle(a, b) < MOST_MOVED_RAD);
+    return !(v3_distance(a.translation, b.translation) < MAX_MOVED_M && pose_angle(a, b) < MAX_MOVED_RAD);
 }
 
-static void average(struct sensor_pose *s, struct pose pose, double weight)
+static void update_mean_pose(struct sensor_pose *sensor_pose, struct pose pose, double weight)
 {
-    double share = weight / (s->mean_weight + weight);
-    s->mean.translation = v3_mix(s->mean.translation, pose.translation, share);
-    s->mean.rotation = quat_slerp(s->mean.rotation, pose.rotation, share);
-    s->mean_weight += weight;
-    s->poses++;
+    double share = weight / (sensor_pose->mean_weight + weight);
+    sensor_pose->mean.translation = v3_mix(sensor_pose->mean.translation, pose.translation, share);
+    sensor_pose->mean.rotation = quat_slerp(sensor_pose->mean.rotation, pose.rotation, share);
+    sensor_pose->mean_weight += weight;
+    sensor_pose->poses++;
 }
 
-static void restart_from(struct sensor_pose *s, const struct location *found, double weight)
+static void restart_from(struct sensor_pose *pose, const struct location *found, double weight)
 {
-    s->sight.mirrored = false;
-    s->mean = found->world_from_camera;
-    s->mean_weight = weight;
-    s->least_sigma_m = found->position_sigma_m;
-    s->poses = 1;
-    s->candidate_checks = 0;
+    pose->sight.mirrored = false;
+    pose->mean = found->world_from_camera;
+    pose->mean_weight = weight;
+    pose->min_sigma_m = found->position_sigma_m;
+    pose->poses = 1;
+    pose->candidate_checks = 0;
 }
 
 // True when enough checks in a row have agreed with the candidate.
-static bool candidate_is_accepted(struct sensor_pose *s, const struct location *found)
+static bool candidate_is_accepted(struct sensor_pose *pose, const struct location *found)
 {
-    bool continues = s->candidate_checks && agree(found, s->candidate);
-    s->candidate = found->world_from_camera;
-    s->candidate_checks = continues ? s->candidate_checks + 1 : 1;
-    s->candidate_is_accurate = found->position_sigma_m <= 1.5 * s->least_sigma_m;
-    return s->candidate_checks >= (s->candidate_is_accurate ? CHECKS_ACCURATE : CHECKS_OTHER);
+    bool continues = pose->candidate_checks && is_pose_consistent(found, pose->candidate);
+    pose->candidate = found->world_from_camera;
+    pose->candidate_checks = continues ? pose->candidate_checks + 1 : 1;
+    pose->candidate_is_accurate = found->position_sigma_m <= 1.5 * pose->min_sigma_m;
+    return pose->candidate_checks >= (pose->candidate_is_accurate ? CHECKS_ACCURATE : CHECKS_OTHER);
 }
 
 // The mean of the references that are in the image at this pose.
-static struct vec3 visible_reference_centre(const struct sensor_pose *s, struct pose world_from_camera)
+static struct vec3 visible_reference_centre(const struct sensor_pose *pose, struct pose world_from_camera)
 {
     struct pose camera_from_world = pose_inverse(world_from_camera);
     struct vec3 sum = {0, 0, 0};
     int count = 0;
-    for (int32_t i = 0; i < s->reference_count; i++) {
-        struct vec3 p = pose_apply(camera_from_world, s->references[i]);
+    for (int32_t i = 0; i < pose->reference_count; i++) {
+        struct vec3 p = pose_apply(camera_from_world, pose->references[i]);
         if (p.z < 0.1)
             continue;
-        struct pixel at = lens_project(&s->calibration.color, p);
-        if (at.x >= 0 && at.y >= 0 && at.x < s->calibration.color.width && at.y < s->calibration.color.height) {
-            sum = v3_add(sum, s->references[i]);
+        struct pixel at = lens_project(&pose->calibration.color, p);
+        if (at.x >= 0 && at.y >= 0 && at.x < pose->calibration.color.width && at.y < pose->calibration.color.height) {
+            sum = v3_add(sum, pose->references[i]);
             count++;
         }
     }
@@ -294,43 +294,43 @@ static struct vec3 visible_reference_centre(const struct sensor_pose *s, struct 
 }
 
 // Aligns the pose to the floor in the depth image.
-static void align_to_floor(const struct sensor_pose *s, const uint16_t *depth, struct pose *world_from_color)
+static void align_to_floor(const struct sensor_pose *pose, const uint16_t *depth, struct pose *world_from_color)
 {
     struct floor_plane floor;
-    if (!depth || !gravity_align_floor(&s->calibration.depth, depth, &floor))
+    if (!depth || !gravity_align_floor(&pose->calibration.depth, depth, &floor))
         return;
-    struct pose world_from_depth = pose_multiply(*world_from_color, s->calibration.color_from_depth);
-    if (gravity_align_pose(&world_from_depth, visible_reference_centre(s, *world_from_color), &floor))
-        *world_from_color = pose_multiply(world_from_depth, pose_inverse(s->calibration.color_from_depth));
+    struct pose world_from_depth = pose_multiply(*world_from_color, pose->calibration.color_from_depth);
+    if (gravity_align_pose(&world_from_depth, visible_reference_centre(pose, *world_from_color), &floor))
+        *world_from_color = pose_multiply(world_from_depth, pose_inverse(pose->calibration.color_from_depth));
 }
 
 // Of one image it is off by up to a hundredth, by the tags' corners and the depth's steps.
-static void note_depth_scale(struct sensor_pose *s)
+static void note_depth_scale(struct sensor_pose *pose)
 {
     enum { ENOUGH = 5 };
-    const double scale = locator_depth_scale(s->locator);
+    const double scale = locator_depth_scale(pose->locator);
     if (!(scale > 0))
         return;
-    s->scale_sum += scale;
-    s->sight.depth_scale = ++s->scales < ENOUGH ? 0 : s->scale_sum / s->scales;
+    pose->scale_sum += scale;
+    pose->sight.depth_scale = ++pose->scales < ENOUGH ? 0 : pose->scale_sum / pose->scales;
 }
 
 // Where no tag is seen: whether the first such images show one in a mirror. Once one was seen as it is, never again.
-static enum status look_in_mirror(struct sensor_pose *s, const uint8_t *color)
+static enum status look_in_mirror(struct sensor_pose *pose, const uint8_t *color)
 {
     enum { LOOKS = 6, ENOUGH = 2 };
     int shown = 0;
-    if (!s->mirror)
+    if (!pose->mirror)
         return OK;
-    if (s->sight.tag_count || s->poses || s->mirror_looks == LOOKS) {
-        mirrored_tags_close(&s->mirror);
+    if (pose->sight.tag_count || pose->poses || pose->mirror_looks == LOOKS) {
+        mirrored_tags_close(&pose->mirror);
         return OK;
     }
-    gray_from_rgb(color, lens_pixels(&s->calibration.color), s->gray);
-    const enum status status = mirrored_tags_look(s->mirror, s->gray, &shown);
-    s->mirror_looks++;
-    s->mirror_shows += shown > 0;
-    s->sight.mirrored = s->mirror_shows >= ENOUGH;
+    gray_from_rgb(color, lens_pixels(&pose->calibration.color), pose->gray);
+    const enum status status = mirrored_tags_look(pose->mirror, pose->gray, &shown);
+    pose->mirror_looks++;
+    pose->mirror_shows += shown > 0;
+    pose->sight.mirrored = pose->mirror_shows >= ENOUGH;
     return status;
 }
 
@@ -361,11 +361,11 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
     double sigma_m = fmax(found.position_sigma_m, 1e-4), weight = 1 / (sigma_m * sigma_m);
     if (!s->poses) {
         restart_from(s, &found, weight);
-    } else if (agree(&found, s->mean)) {
+    } else if (is_pose_consistent(&found, s->mean)) {
         s->candidate_checks = 0;
-        s->least_sigma_m = fmin(s->least_sigma_m, found.position_sigma_m);
+        s->min_sigma_m = fmin(s->min_sigma_m, found.position_sigma_m);
         if (s->poses < ENOUGH_POSES)
-            average(s, found.world_from_camera, weight);
+            update_mean_pose(s, found.world_from_camera, weight);
     } else if (candidate_is_accepted(s, &found)) {
         s->moves += !warming_up;
         s->far_moves += !warming_up && is_far(found.world_from_camera, s->mean);
@@ -377,36 +377,37 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
 // The solvers' libraries round differently from one processor model to the next, in the ninth digit, and later stages
 // compare with thresholds, where that is enough to change a pixel. So the pose is rounded, far below its accuracy: to
 // 0.06 mm and 0.001 degrees.
-static double rounded(double x, double steps) { return round(x * steps) / steps; }
+static double round_to_step(double x, double steps) { return round(x * steps) / steps; }
 
-static struct pose round_reproducibly(struct pose p)
+static struct pose round_reproducibly(struct pose pose)
 {
     const double rotation_steps = 1 << 17, steps_a_m = 1 << 14;
-    const struct quat q = p.rotation;
-    const struct vec3 t = p.translation;
-    return (struct pose){quat_unit((struct quat){rounded(q.x, rotation_steps), rounded(q.y, rotation_steps),
-                                                 rounded(q.z, rotation_steps), rounded(q.w, rotation_steps)}),
-                         v3(rounded(t.x, steps_a_m), rounded(t.y, steps_a_m), rounded(t.z, steps_a_m))};
+    const struct quat q = pose.rotation;
+    const struct vec3 t = pose.translation;
+    return (struct pose){
+        quat_unit((struct quat){round_to_step(q.x, rotation_steps), round_to_step(q.y, rotation_steps),
+                                round_to_step(q.z, rotation_steps), round_to_step(q.w, rotation_steps)}),
+        v3(round_to_step(t.x, steps_a_m), round_to_step(t.y, steps_a_m), round_to_step(t.z, steps_a_m))};
 }
 
-bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera)
+bool sensor_pose_get(const struct sensor_pose *pose, struct pose *world_from_camera)
 {
-    *world_from_camera = round_reproducibly(s->mean);
-    return s->poses > 0;
+    *world_from_camera = round_reproducibly(pose->mean);
+    return pose->poses > 0;
 }
 
 // Errors of single images average out, those of the map do not: a third of a single pose's deviation is kept as such.
-void sensor_pose_get_sight(const struct sensor_pose *s, struct sensor_sight *out)
+void sensor_pose_get_sight(const struct sensor_pose *pose, struct sensor_sight *out)
 {
-    *out = s->sight;
-    out->position_sigma_m = s->poses ? sqrt(1 / s->mean_weight + s->least_sigma_m * s->least_sigma_m / 9) : 0;
+    *out = pose->sight;
+    out->position_sigma_m = pose->poses ? sqrt(1 / pose->mean_weight + pose->min_sigma_m * pose->min_sigma_m / 9) : 0;
 }
 
-int sensor_pose_moves(const struct sensor_pose *s) { return s->moves; }
+int sensor_pose_moves(const struct sensor_pose *pose) { return pose->moves; }
 
-int sensor_pose_far_moves(const struct sensor_pose *s) { return s->far_moves; }
+int sensor_pose_far_moves(const struct sensor_pose *pose) { return pose->far_moves; }
 
-int32_t sensor_pose_moved_tags(const struct sensor_pose *s, int32_t *first)
+int32_t sensor_pose_moved_tags(const struct sensor_pose *pose, int32_t *first)
 {
-    return locator_moved_tags(s->locator, first);
+    return locator_moved_tags(pose->locator, first);
 }

@@ -5,10 +5,10 @@
 // on get the new pose. Everything depends on frame numbers, not on time, so that the same frames give the same poses.
 // One handle, one thread.
 #pragma once
-#include "capture/segmentation/floor_plane.h"
 #include "base/lens.h"
-#include "recording/recorded_verdict.h"
+#include "capture/segmentation/floor_plane.h"
 #include "locate/locator.h"
+#include "recording/recorded_verdict.h"
 
 // ---------------------------------------------------------------- gravity align
 
@@ -33,7 +33,7 @@ struct sensor_tilt {
 
 // Reads at most five depth images. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status sensor_tilt_find(struct take *take, struct sensor_tilt *out);
-void sensor_tilt_say(const struct sensor_tilt *t, struct take_verdict *out);
+void sensor_tilt_say(const struct sensor_tilt *tilt, struct take_verdict *out);
 
 // ---------------------------------------------------------------- sensor pose
 
@@ -55,7 +55,7 @@ struct sensor_sight {
 // ERR_INPUT, ERR_MEMORY as locator_open. Copies what it needs of `place`.
 MUST_CHECK enum status sensor_pose_open(struct sensor_pose **out, const struct place *place,
                                         const struct calibration *calibration);
-void sensor_pose_close(struct sensor_pose **s);
+void sensor_pose_close(struct sensor_pose **pose);
 
 // Processes the next frame; each frame once, in order. OK also when nothing was found in it.
 // `depth` may be NULL; otherwise the pose is aligned to the floor. ERR_MEMORY, ERR_SOLVER: the pose
@@ -63,15 +63,15 @@ void sensor_pose_close(struct sensor_pose **s);
 MUST_CHECK enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
 
 // The present pose. False: not located yet; *world_from_camera is then the identity.
-bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera);
+bool sensor_pose_get(const struct sensor_pose *pose, struct pose *world_from_camera);
 
-void sensor_pose_get_sight(const struct sensor_pose *s, struct sensor_sight *out);
+void sensor_pose_get_sight(const struct sensor_pose *pose, struct sensor_sight *out);
 
 // As locator_moved_tags.
-int32_t sensor_pose_moved_tags(const struct sensor_pose *s, int32_t *first);
+int32_t sensor_pose_moved_tags(const struct sensor_pose *pose, int32_t *first);
 
 // How often the sensor was moved.
-int sensor_pose_moves(const struct sensor_pose *s);
+int sensor_pose_moves(const struct sensor_pose *pose);
 
 // How often by more than a person moves between two frames: 5 cm or 0.02 rad.
-int sensor_pose_far_moves(const struct sensor_pose *s);
+int sensor_pose_far_moves(const struct sensor_pose *pose);

@@ -134,45 +134,45 @@ static int by_size(const void *a, const void *b)
 }
 
 // Converted first: the difference of times in a malformed file may overflow an int64.
-static double seconds_between(const struct take *t, int64_t a, int64_t b)
+static double seconds_between(const struct take *take, int64_t a, int64_t b)
 {
-    return ((double)take_entry(t, b)->time_ns - (double)take_entry(t, a)->time_ns) * 1e-9;
+    return ((double)take_entry(take, b)->time_ns - (double)take_entry(take, a)->time_ns) * 1e-9;
 }
 
 // The median time between frames, of at most STEPS of them.
-static double median_step_s(const struct take *t)
+static double median_step_s(const struct take *take)
 {
     enum { STEPS = 500 };
     double steps[STEPS];
-    const int64_t count = take_frame_count(t) - 1;
+    const int64_t count = take_frame_count(take) - 1;
     int used = 0;
     if (count < 1)
         return 0;
     const int64_t stride = (count + STEPS - 1) / STEPS;
     for (int64_t i = 0; i < count && used < STEPS; i += stride)
-        steps[used++] = seconds_between(t, i, i + 1);
+        steps[used++] = seconds_between(take, i, i + 1);
     qsort(steps, (size_t)used, sizeof *steps, by_size);
     return steps[used / 2];
 }
 
-static void count_frames(const struct take *t, struct take_facts *f)
+static void count_frames(const struct take *take, struct take_facts *facts)
 {
     int64_t seen = -1; // the last frame with a person
-    for (int64_t i = 0; i < f->frames; i++) {
-        const struct take_entry *e = take_entry(t, i);
-        const double gap_s = i ? seconds_between(t, i - 1, i) : 0;
-        f->with_skeleton += e->has_skeleton;
-        f->with_color += e->has_color;
-        f->with_depth += e->has_depth;
-        f->located = f->located || e->located;
-        if (gap_s > f->gap_s) {
-            f->gap_s = gap_s;
-            f->gap_at_s = seconds_between(t, 0, i - 1);
+    for (int64_t i = 0; i < facts->frames; i++) {
+        const struct take_entry *e = take_entry(take, i);
+        const double gap_s = i ? seconds_between(take, i - 1, i) : 0;
+        facts->with_skeleton += e->has_skeleton;
+        facts->with_color += e->has_color;
+        facts->with_depth += e->has_depth;
+        facts->located = facts->located || e->located;
+        if (gap_s > facts->gap_s) {
+            facts->gap_s = gap_s;
+            facts->gap_at_s = seconds_between(take, 0, i - 1);
         }
         if (e->has_skeleton)
             seen = i;
         else
-            f->unseen_s = fmax(f->unseen_s, seconds_between(t, seen < 0 ? 0 : seen, i));
+            facts->unseen_s = fmax(facts->unseen_s, seconds_between(take, seen < 0 ? 0 : seen, i));
     }
 }
 
@@ -201,78 +201,79 @@ static enum status take_facts_read(struct take *take, struct take_facts *out)
 
 // The time between two frames that are `frames` apart, by a clock that a sensor could have: absurd times and jumps
 // count as frames at the usual rate.
-static int64_t take_facts_step_ns(const struct take_facts *f, int64_t from_ns, int64_t to_ns, int64_t frames)
+static int64_t take_facts_step_ns(const struct take_facts *facts, int64_t from_ns, int64_t to_ns, int64_t frames)
 {
-    const double usual_s = (f->absurd_times ? USUAL_STEP_S : f->step_s) * (double)frames,
+    const double usual_s = (facts->absurd_times ? USUAL_STEP_S : facts->step_s) * (double)frames,
                  step_s = ((double)to_ns - (double)from_ns) * 1e-9;
-    const bool usual = f->absurd_times || (f->jumps && step_s > JUMP_S);
+    const bool usual = facts->absurd_times || (facts->jumps && step_s > JUMP_S);
     return (int64_t)((usual ? usual_s : step_s) * 1e9);
 }
 
 // ------------------------------------------------------------- in words
 
-static void say_times(const struct take_facts *f, struct take_verdict *out)
+static void say_times(const struct take_facts *facts, struct take_verdict *out)
 {
     // Units that were taken for seconds, by the step that each gives at 5 to 200 pictures a second.
     static const struct {
         const char *name, *factor;
         double a_second;
     } units[] = {{"milliseconds", "1000", 1e3}, {"microseconds", "1000000", 1e6}, {"nanoseconds", "1000000000", 1e9}};
-    if (f->jumps)
+    if (facts->jumps)
         verdict_say(out, USE_ANY,
                     "the clock jumped ahead by %.1f %s at %.1f s: it was set while filming; trim the take there",
-                    f->gap_s > 7200 ? f->gap_s / 3600 : f->gap_s / 60, f->gap_s > 7200 ? "h" : "min", f->gap_at_s);
-    if (!f->absurd_times)
+                    facts->gap_s > 7200 ? facts->gap_s / 3600 : facts->gap_s / 60, facts->gap_s > 7200 ? "h" : "min",
+                    facts->gap_at_s);
+    if (!facts->absurd_times)
         return;
     for (size_t i = 0; i < COUNT_OF(units); i++)
-        if (f->step_s >= 0.005 * units[i].a_second && f->step_s <= 0.2 * units[i].a_second) {
+        if (facts->step_s >= 0.005 * units[i].a_second && facts->step_s <= 0.2 * units[i].a_second) {
             verdict_say(out, USE_ANY,
                         "its times are %s taken for seconds, one picture in %.0f s: divide the film's times by %s and "
                         "record it again",
-                        units[i].name, f->step_s, units[i].factor);
+                        units[i].name, facts->step_s, units[i].factor);
             return;
         }
-    if (f->step_s >= SLOWEST_STEP_S)
+    if (facts->step_s >= SLOWEST_STEP_S)
         verdict_say(out, USE_ANY,
                     "its times cannot be right, one picture in %.1f s: give the film's times in seconds and record it "
                     "again",
-                    f->step_s);
+                    facts->step_s);
     else
         verdict_say(out, USE_ANY,
                     "its times cannot be right, %.0f pictures a second: give the film's times in seconds and record it "
                     "again",
-                    1 / fmax(f->step_s, 1e-9));
+                    1 / fmax(facts->step_s, 1e-9));
 }
 
 // Thresholds chosen by hand: what is seen when the take is watched.
-static void take_facts_say(const struct take_facts *f, struct take_verdict *out)
+static void take_facts_say(const struct take_facts *facts, struct take_verdict *out)
 {
-    const double frames = f->frames ? (double)f->frames : 1;
-    if (!f->frames)
+    const double frames = facts->frames ? (double)facts->frames : 1;
+    if (!facts->frames)
         verdict_say(out, USE_ANY, "empty");
-    if (f->lost)
-        verdict_say(out, USE_ANY, "%lld frames lost to damage", (long long)f->lost);
-    if (!f->complete)
+    if (facts->lost)
+        verdict_say(out, USE_ANY, "%lld frames lost to damage", (long long)facts->lost);
+    if (!facts->complete)
         verdict_say(out, USE_ANY, "interrupted");
-    say_times(f, out);
-    if (f->with_skeleton && (double)f->with_skeleton < 0.9 * frames)
-        verdict_say(out, USE_ANY, "a person in %.0f %% of the frames", 100 * (double)f->with_skeleton / frames);
-    else if (f->with_skeleton && f->unseen_s > 1 && !f->absurd_times && !f->jumps)
-        verdict_say(out, USE_ANY, "the person out of sight for %.1f s", f->unseen_s);
-    if (f->frames && !f->with_color)
+    say_times(facts, out);
+    if (facts->with_skeleton && (double)facts->with_skeleton < 0.9 * frames)
+        verdict_say(out, USE_ANY, "a person in %.0f %% of the frames", 100 * (double)facts->with_skeleton / frames);
+    else if (facts->with_skeleton && facts->unseen_s > 1 && !facts->absurd_times && !facts->jumps)
+        verdict_say(out, USE_ANY, "the person out of sight for %.1f s", facts->unseen_s);
+    if (facts->frames && !facts->with_color)
         verdict_say(out, USE_WATCH, "no colour");
-    else if ((double)f->with_color < 0.9 * frames)
-        verdict_say(out, USE_WATCH, "colour in %.0f %% of the frames", 100 * (double)f->with_color / frames);
-    if (f->frames && !f->with_depth)
+    else if ((double)facts->with_color < 0.9 * frames)
+        verdict_say(out, USE_WATCH, "colour in %.0f %% of the frames", 100 * (double)facts->with_color / frames);
+    if (facts->frames && !facts->with_depth)
         verdict_say(out, USE_ANY, "no depth");
-    if ((double)f->dropped > 0.02 * frames)
+    if ((double)facts->dropped > 0.02 * frames)
         verdict_say(out, USE_ANY, "%.0f %% of the frames dropped",
-                    100 * (double)f->dropped / (frames + (double)f->dropped));
-    if (f->gap_s > 0.5 && f->step_s < 0.2 && !f->jumps)
-        verdict_say(out, USE_ANY, "a gap of %.1f s", f->gap_s);
-    if (f->has_place && f->frames && !f->located)
+                    100 * (double)facts->dropped / (frames + (double)facts->dropped));
+    if (facts->gap_s > 0.5 && facts->step_s < 0.2 && !facts->jumps)
+        verdict_say(out, USE_ANY, "a gap of %.1f s", facts->gap_s);
+    if (facts->has_place && facts->frames && !facts->located)
         verdict_say(out, USE_WATCH, "where the actor stood is not known");
-    if (f->duration_s < 1 && f->frames)
+    if (facts->duration_s < 1 && facts->frames)
         verdict_say(out, USE_ANY, "shorter than a second");
 }
 
@@ -304,38 +305,38 @@ struct viewing {
 };
 
 // Shows the coach one frame; of its images as many as are wanted. A damaged one is one that nobody looked at.
-static enum status show_frame(struct viewing *v, int64_t i, enum coach_unread unread)
+static enum status show_frame(struct viewing *viewing, int64_t i, enum coach_unread unread)
 {
     static const unsigned want[] = {
         [UNREAD_NONE] = TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, [UNREAD_COLOR] = TAKE_DEPTH | TAKE_MASK};
-    const struct take_entry *e = take_entry(v->take, i), *before = i ? take_entry(v->take, i - 1) : NULL;
-    const int64_t step_ns = before ? take_facts_step_ns(v->facts, before->time_ns, e->time_ns, 1) : 0;
+    const struct take_entry *e = take_entry(viewing->take, i), *before = i ? take_entry(viewing->take, i - 1) : NULL;
+    const int64_t step_ns = before ? take_facts_step_ns(viewing->facts, before->time_ns, e->time_ns, 1) : 0;
     struct take_images images = {0};
-    const enum status status = unread == UNREAD_ALL ? OK : take_read(v->take, i, want[unread], &images);
+    const enum status status = unread == UNREAD_ALL ? OK : take_read(viewing->take, i, want[unread], &images);
     if (status != OK && status != ERR_CORRUPT)
         return status;
-    v->time_ns += step_ns;
-    v->moves += has_moved(before, e);
+    viewing->time_ns += step_ns;
+    viewing->moves += has_moved(before, e);
     const bool person = e->has_skeleton && e->has_mask;
-    const struct coach_frame frame = {.time_ns = v->time_ns,
+    const struct coach_frame frame = {.time_ns = viewing->time_ns,
                                       .color = images.color,
                                       .depth = images.depth,
                                       .mask = person ? images.mask : NULL,
                                       .skeleton = person ? &e->skeleton : NULL,
-                                      .sensor_moves = v->moves,
+                                      .sensor_moves = viewing->moves,
                                       .step_s = 1e-9 * (double)step_ns,
                                       .unread = status == OK ? unread : UNREAD_ALL};
-    coach_next(v->coach, &frame);
+    coach_next(viewing->coach, &frame);
     return OK;
 }
 
 // Of how many frames the images of one are looked at.
-static int64_t look_every(const struct take_facts *f)
+static int64_t look_every(const struct take_facts *facts)
 {
-    const double step_s = 1e-9 * (double)take_facts_step_ns(f, 0, (int64_t)(f->step_s * 1e9), 1);
+    const double step_s = 1e-9 * (double)take_facts_step_ns(facts, 0, (int64_t)(facts->step_s * 1e9), 1);
     const int64_t by_time = step_s > 0 ? (int64_t)fmin(LOOK_S / step_s + 0.5, 1e3) : 1,
-                  by_least = f->frames / VERDICT_LOOKS_LEAST,
-                  by_most = (f->frames + VERDICT_LOOKS_MOST - 1) / VERDICT_LOOKS_MOST;
+                  by_least = facts->frames / VERDICT_LOOKS_MIN,
+                  by_most = (facts->frames + VERDICT_LOOKS_MAX - 1) / VERDICT_LOOKS_MAX;
     int64_t every = by_time < by_least ? by_time : by_least;
     every = every > by_most ? every : by_most;
     return every > 1 ? every : 1;
@@ -358,15 +359,15 @@ static enum status show_frames(struct take *take, const struct take_facts *facts
 
 // ------------------------------------------------------------- the verdict
 
-static void add_lines(struct take_verdict *v, const struct take_verdict *more, bool filming_only)
+static void add_lines(struct take_verdict *verdict, const struct take_verdict *more, bool filming_only)
 {
     for (int i = 0; i < more->count; i++)
-        if ((more->line[i].filming || !filming_only) && v->count < VERDICT_LINES)
-            v->line[v->count++] = more->line[i];
+        if ((more->line[i].filming || !filming_only) && verdict->count < VERDICT_LINES)
+            verdict->line[verdict->count++] = more->line[i];
 }
 
 // What was seen while filming and is not in the frames.
-static void add_filming(struct take_verdict *v, const struct take_verdict *before, const struct coach *coach)
+static void add_filming(struct take_verdict *verdict, const struct take_verdict *before, const struct coach *coach)
 {
     struct take_verdict watched;
     if (coach) {
@@ -375,8 +376,8 @@ static void add_filming(struct take_verdict *v, const struct take_verdict *befor
     }
     for (int i = 0; i < before->count; i++)
         if (before->line[i].filming)
-            v->spoilt |= before->line[i].spoils;
-    add_lines(v, before, true);
+            verdict->spoilt |= before->line[i].spoils;
+    add_lines(verdict, before, true);
 }
 
 // What is known before.
@@ -386,7 +387,7 @@ struct judging {
     const struct take_verdict_patience *patience;
 };
 
-static enum status judge(struct take *take, const struct judging *by, struct take_judgement *judgement)
+static enum status judge_take(struct take *take, const struct judging *by, struct take_judgement *judgement)
 {
     struct take_verdict *out = &judgement->verdict;
     struct take_facts facts;
@@ -440,7 +441,7 @@ enum status take_verdict_keep(const char *path, const char *name, const struct t
     if (filming)
         by.before.purpose = filming->purpose;
     if (status == OK)
-        status = judge(take, &by, out);
+        status = judge_take(take, &by, out);
     if (status == OK)
         key = verdict_key_of(take);
     take_close(&take);
@@ -452,11 +453,11 @@ enum status take_verdict_keep(const char *path, const char *name, const struct t
 }
 
 // Whether the verdict that is kept was made from the frames as they are.
-static enum status stands(struct recording *r, const char *name, bool *out)
+static enum status check_kept_verdict(struct recording *recording, const char *name, bool *out)
 {
     struct take *take = NULL;
     struct take_verdict kept;
-    enum status status = take_open(&take, r, name);
+    enum status status = take_open(&take, recording, name);
     if (status == OK)
         status = recorded_verdict_read(take, &kept, out);
     take_close(&take);
@@ -475,7 +476,7 @@ static enum status keep_one_missing(const char *path, int i, bool *more)
         return status;
     *more = i < recording_take_count(r);
     if (*more)
-        status = stands(r, recording_take_name(r, i), &stand);
+        status = check_kept_verdict(r, recording_take_name(r, i), &stand);
     if (status == OK && !stand && !(name = strdup(recording_take_name(r, i))))
         status = fail(ERR_MEMORY, "no memory to judge a take");
     recording_free(&r); // a reader would hinder the writer
@@ -507,7 +508,7 @@ enum status take_verdict_get(struct recording *r, const char *name, const struct
         *out = by.before;
     } else if (status == OK || status == NOTHING) {
         struct take_judgement judgement;
-        status = judge(take, &by, &judgement);
+        status = judge_take(take, &by, &judgement);
         if (status == OK)
             *out = judgement.verdict;
     }

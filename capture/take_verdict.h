@@ -2,12 +2,12 @@
 // the coach (coaching/coach.h) and kept beside them (recording/recorded_verdict.h); made anew wherever it is missing,
 // as in older files, or the frames have changed since. The same frames give the same verdict.
 //
-// The joints of all frames count. Images are looked at ten times a second, of a take shorter than VERDICT_LOOKS_LEAST
-// such looks more often, of one longer than VERDICT_LOOKS_MOST less.
+// The joints of all frames count. Images are looked at ten times a second, of a take shorter than VERDICT_LOOKS_MIN
+// such looks more often, of one longer than VERDICT_LOOKS_MAX less.
 #pragma once
+#include "capture/coaching/coach.h"
 #include "capture/recorder.h"
 #include "capture/tracking/skeleton_smoother.h"
-#include "capture/coaching/coach.h"
 #include "recording/recorded_verdict.h"
 
 // ---------------------------------------------------------------- take frames
@@ -40,7 +40,7 @@ MUST_CHECK enum status take_smooth(struct smoother *smoother, struct tracker *tr
 // ---------------------------------------------------------------- take verdict
 
 // Chosen by hand. MOST: 30 s of film; what a longer one adds was mostly seen before.
-enum { VERDICT_LOOKS_LEAST = 60, VERDICT_LOOKS_MOST = 300 };
+enum { VERDICT_LOOKS_MIN = 60, VERDICT_LOOKS_MAX = 300 };
 
 // What only who filmed it knows.
 struct take_filming {

@@ -47,7 +47,7 @@ struct alignment {
     bool exact;                   // false: too long for the exact search, see below
     int64_t cells;                // how many costs were computed
 };
-void alignment_free(struct alignment *a); // zeroed is fine; leaves it zeroed
+void alignment_free(struct alignment *alignment); // zeroed is fine; leaves it zeroed
 
 int32_t feature_cost(const struct feature_frame *a, const struct feature_frame *b);
 

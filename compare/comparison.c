@@ -1,8 +1,7 @@
 #include "compare/comparison.h"
 
-#include "compare/findings.h"
-
 #include "base/threads.h"
+#include "compare/findings.h"
 
 #include <stdlib.h>
 
@@ -12,7 +11,7 @@
 // that only one movement takes costs what 8 degrees do; by hand.
 static const double SKIP = 0.3, STEP = 0.02;
 // By hand: B is taken for a mirror image if that fits to 0.75 of the price, and B itself is worse than 8 degrees off.
-static const double MIRROR_GAIN = 0.75, MIRROR_LEAST = 0.02;
+static const double MIRROR_GAIN = 0.75, MIRROR_MIN = 0.02;
 
 // scale: of each part's numbers; NULL: 1.
 static double price_unit(uint16_t parts, const double *scale)
@@ -30,7 +29,7 @@ static struct alignment_prices prices_for(uint16_t parts, const double *scale)
 }
 
 static enum status align_movements(const struct movement *a, const struct movement *b, uint16_t parts,
-                                   const double *scale, struct alignment *x, struct timeline *timeline)
+                                   const double *scale, struct alignment *alignment, struct timeline *timeline)
 {
     struct feature_frame *fa = NULL, *fb = NULL;
     const struct alignment_prices prices = prices_for(parts, scale);
@@ -39,23 +38,23 @@ static enum status align_movements(const struct movement *a, const struct moveme
         status = movement_features(b, parts, scale, &fb);
     const struct features features_a = {fa, a->count}, features_b = {fb, b->count};
     if (status == OK)
-        status = align(&features_a, &features_b, &prices, x);
+        status = align(&features_a, &features_b, &prices, alignment);
     if (status == OK && timeline)
-        status = timeline_from_alignment(x, &features_a, &features_b, timeline);
+        status = timeline_from_alignment(alignment, &features_a, &features_b, timeline);
     free(fa);
     free(fb);
     return status;
 }
 
-static bool mean_direction(const struct movement *m, int p, double mean[3])
+static bool mean_direction(const struct movement *movement, int p, double mean[3])
 {
     double count = 0;
     mean[0] = mean[1] = mean[2] = 0;
-    for (int32_t f = 0; f < m->count; f++) {
-        if (!(m->frames[f].known >> p & 1))
+    for (int32_t f = 0; f < movement->count; f++) {
+        if (!(movement->frames[f].known >> p & 1))
             continue;
         for (int k = 0; k < 3; k++)
-            mean[k] += m->frames[f].direction[p][k];
+            mean[k] += movement->frames[f].direction[p][k];
         count++;
     }
     for (int k = 0; k < 3 && count > 0; k++)
@@ -102,10 +101,11 @@ static void align_one(void *context, int which)
                             : align_movements(&c->a, &c->judged, both->parts, both->scale, &both->equal, &c->timeline));
 }
 
-static enum status align_both(struct comparison *c)
+static enum status align_both(struct comparison *comparison)
 {
-    struct both_alignments both = {.c = c, .parts = telling_parts(&c->a, &c->judged, c->parts)};
-    movement_equal_say(&c->a, both.scale);
+    struct both_alignments both = {.c = comparison,
+                                   .parts = telling_parts(&comparison->a, &comparison->judged, comparison->parts)};
+    movement_equal_say(&comparison->a, both.scale);
     parallel_for(2, 2, align_one, &both);
     alignment_free(&both.equal);
     return failure_restore(&both.failure[both.failure[0].status == OK]);
@@ -113,11 +113,11 @@ static enum status align_both(struct comparison *c)
 
 enum { COARSE = 4 }; // every so manieth frame decides about mirroring
 
-static int32_t thin(struct feature_frame *f, int32_t count)
+static int32_t thin_frames(struct feature_frame *frame, int32_t count)
 {
     int32_t kept = 0;
     for (int32_t i = 0; i < count; i += COARSE)
-        f[kept++] = f[i];
+        frame[kept++] = frame[i];
     return kept;
 }
 
@@ -131,7 +131,8 @@ static enum status coarse_price(const struct movement *a, const struct movement 
     if (status == OK)
         status = movement_features(b, parts, NULL, &fb);
     if (status == OK) {
-        const struct features features_a = {fa, thin(fa, a->count)}, features_b = {fb, thin(fb, b->count)};
+        const struct features features_a = {fa, thin_frames(fa, a->count)},
+                              features_b = {fb, thin_frames(fb, b->count)};
         status = align(&features_a, &features_b, &prices, &x);
         *price = (double)x.price / price_unit(parts, NULL) / (features_a.count + features_b.count);
     }
@@ -150,66 +151,73 @@ static uint16_t mirrored_parts(uint16_t parts)
 }
 
 // Judged as B or as its mirror image, whichever resembles A.
-static enum status choose_side(struct comparison *c)
+static enum status choose_side(struct comparison *comparison)
 {
     struct movement mirror = {0};
     double plain = 0, mirrored = 0;
     // Parts that are known on both sides of both: a missing limb must not decide.
-    const uint16_t both = c->parts & mirrored_parts(c->parts);
-    enum status status = movement_mirror(&c->b, &mirror);
+    const uint16_t both = comparison->parts & mirrored_parts(comparison->parts);
+    enum status status = movement_mirror(&comparison->b, &mirror);
     if (status == OK && both) {
-        const uint16_t telling = telling_parts(&c->a, &c->b, both) & telling_parts(&c->a, &mirror, both);
-        status = coarse_price(&c->a, &c->b, telling ? telling : both, &plain);
+        const uint16_t telling =
+            telling_parts(&comparison->a, &comparison->b, both) & telling_parts(&comparison->a, &mirror, both);
+        status = coarse_price(&comparison->a, &comparison->b, telling ? telling : both, &plain);
         if (status == OK)
-            status = coarse_price(&c->a, &mirror, telling ? telling : both, &mirrored);
+            status = coarse_price(&comparison->a, &mirror, telling ? telling : both, &mirrored);
     }
-    if (status == OK && plain > MIRROR_LEAST && mirrored < MIRROR_GAIN * plain) {
-        c->mirrored = true;
-        c->judged = mirror;
-        c->parts = c->a.ever_known & mirror.ever_known;
+    if (status == OK && plain > MIRROR_MIN && mirrored < MIRROR_GAIN * plain) {
+        comparison->mirrored = true;
+        comparison->judged = mirror;
+        comparison->parts = comparison->a.ever_known & mirror.ever_known;
         return OK;
     }
     movement_free(&mirror);
     if (status == OK)
-        c->judged = c->b;
+        comparison->judged = comparison->b;
     return status;
 }
 
-static enum status judge(struct comparison *c)
+static enum status judge_attempt(struct comparison *comparison)
 {
-    enum status status = align_both(c);
+    enum status status = align_both(comparison);
     if (status == OK)
-        status = pace_measure(&c->a, &c->judged, c->parts, &c->timeline, &c->pace);
+        status = pace_measure(&comparison->a, &comparison->judged, comparison->parts, &comparison->timeline,
+                              &comparison->pace);
     if (status == OK)
-        status = body_angle_ranges(&c->a, c->pace.a_first, c->pace.a_end, c->range_a);
+        status =
+            body_angle_ranges(&comparison->a, comparison->pace.a_first, comparison->pace.a_end, comparison->range_a);
     if (status == OK)
-        status = body_angle_ranges(&c->judged, c->pace.b_first, c->pace.b_end, c->range_b);
-    const struct alignment_prices prices = prices_for(c->parts, NULL);
+        status = body_angle_ranges(&comparison->judged, comparison->pace.b_first, comparison->pace.b_end,
+                                   comparison->range_b);
+    const struct alignment_prices prices = prices_for(comparison->parts, NULL);
     if (status == OK)
-        status = judge_repetitions(&c->a, &c->judged, c->parts, &prices, &c->repetitions);
-    const struct score_scope scope = {0, c->judged.count,
-                                      c->repetitions.reference_count >= 2 ? c->repetitions.moved : NULL};
+        status = judge_repetitions(&comparison->a, &comparison->judged, comparison->parts, &prices,
+                                   &comparison->repetitions);
+    const struct score_scope scope = {0, comparison->judged.count,
+                                      comparison->repetitions.reference_count >= 2 ? comparison->repetitions.moved
+                                                                                   : NULL};
     if (status == OK)
-        status = score_posture(&c->a, &c->judged, &c->alignment, &scope, &c->terms);
+        status = score_posture(&comparison->a, &comparison->judged, &comparison->alignment, &scope, &comparison->terms);
     if (status != OK)
         return status;
     // Of repetitions there may be more or fewer, with rests between them: they say nothing of one performance's time.
     // Each is judged against the one that it resembles most. That may be worse than the whole, where the cycles of the
     // two begin at different places.
-    if (c->repetitions.count >= 2 && c->repetitions.reference_count >= 2) {
+    if (comparison->repetitions.count >= 2 && comparison->repetitions.reference_count >= 2) {
         double mean = 0;
-        for (int32_t k = 0; k < c->repetitions.count; k++)
-            mean += c->repetitions.at[k].terms.posture_rad / c->repetitions.count;
-        c->terms.posture_rad = fmin(c->terms.posture_rad, mean);
-        c->score = score_from_terms(&c->terms);
-        return findings_make(c);
+        for (int32_t k = 0; k < comparison->repetitions.count; k++)
+            mean += comparison->repetitions.at[k].terms.posture_rad / comparison->repetitions.count;
+        comparison->terms.posture_rad = fmin(comparison->terms.posture_rad, mean);
+        comparison->score = score_from_terms(&comparison->terms);
+        return findings_make(comparison);
     }
-    const double a = c->pace.a_end - c->pace.a_first + c->pace.missing, b = c->pace.b_end - c->pace.b_first;
-    c->terms.missing_share = fmin(1, c->pace.missing / fmax(1, a));
-    c->terms.extra_share = fmin(1, c->pace.extra / fmax(1, b));
-    c->terms.timing_s = c->pace.uneven_s;
-    c->score = score_from_terms(&c->terms);
-    return findings_make(c);
+    const double a = comparison->pace.a_end - comparison->pace.a_first + comparison->pace.missing,
+                 b = comparison->pace.b_end - comparison->pace.b_first;
+    comparison->terms.missing_share = fmin(1, comparison->pace.missing / fmax(1, a));
+    comparison->terms.extra_share = fmin(1, comparison->pace.extra / fmax(1, b));
+    comparison->terms.timing_s = comparison->pace.uneven_s;
+    comparison->score = score_from_terms(&comparison->terms);
+    return findings_make(comparison);
 }
 
 enum status comparison_make(struct movement *a, struct movement *b, struct comparison *out)
@@ -222,22 +230,22 @@ enum status comparison_make(struct movement *a, struct movement *b, struct compa
     if (status == OK)
         status = choose_side(out);
     if (status == OK)
-        status = judge(out);
+        status = judge_attempt(out);
     if (status != OK)
         comparison_free(out);
     return status;
 }
 
-void comparison_free(struct comparison *c)
+void comparison_free(struct comparison *comparison)
 {
-    movement_free(&c->a);
-    movement_free(&c->b);
-    if (c->mirrored)
-        movement_free(&c->judged);
-    alignment_free(&c->alignment);
-    timeline_free(&c->timeline);
-    pace_free(&c->pace);
-    judged_repetitions_free(&c->repetitions);
-    free(c->findings);
-    *c = (struct comparison){0};
+    movement_free(&comparison->a);
+    movement_free(&comparison->b);
+    if (comparison->mirrored)
+        movement_free(&comparison->judged);
+    alignment_free(&comparison->alignment);
+    timeline_free(&comparison->timeline);
+    pace_free(&comparison->pace);
+    judged_repetitions_free(&comparison->repetitions);
+    free(comparison->findings);
+    *comparison = (struct comparison){0};
 }

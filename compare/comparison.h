@@ -36,4 +36,4 @@ struct comparison {
 // Takes over both movements, also on failure. ERR_INPUT: no part is known in both. ERR_MEMORY. On failure *out is
 // zeroed. Pure; two threads may compare at the same time.
 MUST_CHECK enum status comparison_make(struct movement *a, struct movement *b, struct comparison *out);
-void comparison_free(struct comparison *c); // zeroed is fine; leaves it zeroed
+void comparison_free(struct comparison *comparison); // zeroed is fine; leaves it zeroed

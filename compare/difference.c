@@ -1,21 +1,21 @@
 #include "compare/difference.h"
 
-#include "base/threads.h"
 #include "base/portable_math.h"
+#include "base/threads.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 // ---------------------------------------------------------------- feature box
 
-struct feature_box feature_box_of(const struct features *f, int32_t first, int32_t end)
+struct feature_box feature_box_of(const struct features *features, int32_t first, int32_t end)
 {
     struct feature_box box;
-    memcpy(box.low, f->frames[first].number, sizeof box.low);
-    memcpy(box.high, f->frames[first].number, sizeof box.high);
+    memcpy(box.low, features->frames[first].number, sizeof box.low);
+    memcpy(box.high, features->frames[first].number, sizeof box.high);
     for (int32_t i = first + 1; i < end; i++)
         for (int n = 0; n < FEATURE_NUMBERS; n++) {
-            const int16_t x = f->frames[i].number[n];
+            const int16_t x = features->frames[i].number[n];
             box.low[n] = x < box.low[n] ? x : box.low[n];
             box.high[n] = x > box.high[n] ? x : box.high[n];
         }
@@ -49,24 +49,25 @@ const struct body_joint body_joints[BODY_JOINTS] = {
     {PART_RIGHT_SHIN, CARRIER_PART, PART_RIGHT_THIGH, ANGLE_RIGHT_KNEE, 3},
 };
 
-static struct vec3 vector(const float d[3]) { return v3(d[0], d[1], d[2]); }
+static struct vec3 vec3_from_floats(const float d[3]) { return v3(d[0], d[1], d[2]); }
 
-static bool direction(const struct movement_frame *f, const struct body_joint *j, struct vec3 *d, double *sigma)
+static bool joint_direction(const struct movement_frame *frame, const struct body_joint *joint, struct vec3 *d,
+                            double *sigma)
 {
-    if (j->part == PART_UPPER_TORSO)
-        return trunk_direction(f, d, sigma);
-    *d = vector(f->direction[j->part]);
-    *sigma = f->sigma[j->part];
-    return f->known >> j->part & 1;
+    if (joint->part == PART_UPPER_TORSO)
+        return trunk_direction(frame, d, sigma);
+    *d = vec3_from_floats(frame->direction[joint->part]);
+    *sigma = frame->sigma[joint->part];
+    return frame->known >> joint->part & 1;
 }
 
 // Columns of m: across (left), along x across, along: the trunk's direction and the shoulders' line.
-static bool chest(const struct movement_frame *f, double m[3][3], double *sigma)
+static bool chest_axes(const struct movement_frame *frame, double m[3][3], double *sigma)
 {
     struct vec3 along;
-    if (!(f->known >> PART_COUNT & 1) || !trunk_direction(f, &along, sigma))
+    if (!(frame->known >> PART_COUNT & 1) || !trunk_direction(frame, &along, sigma))
         return false;
-    const struct vec3 shoulders = vector(f->shoulders),
+    const struct vec3 shoulders = vec3_from_floats(frame->shoulders),
                       across = v3_unit(v3_sub(shoulders, v3_scale(along, v3_dot(shoulders, along)))),
                       ahead = v3_cross(along, across);
     const struct vec3 columns[3] = {across, ahead, along};
@@ -85,7 +86,7 @@ static struct quat chest_rotation(const struct movement_frame *a, const struct m
     double sigma_x = 0, sigma_y = 0;
     struct vec3 from, to;
     struct quat q = {0, 0, 0, 1};
-    if (chest(a, x, &sigma_x) && chest(b, y, &sigma_y)) {
+    if (chest_axes(a, x, &sigma_x) && chest_axes(b, y, &sigma_y)) {
         for (int r = 0; r < 3; r++)
             for (int k = 0; k < 3; k++)
                 rotation[r][k] = y[r][0] * x[k][0] + y[r][1] * x[k][1] + y[r][2] * x[k][2];
@@ -110,34 +111,37 @@ static struct chest_turn chest_turn_of(const struct movement_frame *a, const str
     return t;
 }
 
-static bool needs_chest(const struct body_joint *j)
+static bool needs_chest(const struct body_joint *joint)
 {
-    return j->carrier == CARRIER_TRUNK || j->limb == 0 || j->limb == 1;
+    return joint->carrier == CARRIER_TRUNK || joint->limb == 0 || joint->limb == 1;
 }
 
 // turn: used where needs_chest().
-static bool difference_with(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
-                            const struct chest_turn *turn, double difference[3], double *sigma)
+static bool difference_with(const struct movement_frame *a, const struct movement_frame *b,
+                            const struct body_joint *joint, const struct chest_turn *turn, double difference[3],
+                            double *sigma)
 {
     struct vec3 x, y;
     double sigma_x, sigma_y;
-    if (!direction(a, j, &x, &sigma_x) || !direction(b, j, &y, &sigma_y))
+    if (!joint_direction(a, joint, &x, &sigma_x) || !joint_direction(b, joint, &y, &sigma_y))
         return false;
     double variance = sigma_x * sigma_x + sigma_y * sigma_y;
-    if (needs_chest(j)) {
+    if (needs_chest(joint)) {
         const struct quat q = turn->rotation;
-        variance += j->carrier == CARRIER_TRUNK ? turn->variance : 0;
+        variance += joint->carrier == CARRIER_TRUNK ? turn->variance : 0;
         x = quat_rotate(q, x);
-        if (j->carrier == CARRIER_PART && (a->known & b->known & 1u << j->carried_by))
-            x = quat_rotate(
-                quat_between(quat_rotate(q, vector(a->direction[j->carried_by])), vector(b->direction[j->carried_by])),
-                x);
-    } else if (j->carrier == CARRIER_PART && (a->known & b->known & 1u << j->carried_by)) {
-        x = quat_rotate(quat_between(vector(a->direction[j->carried_by]), vector(b->direction[j->carried_by])), x);
+        if (joint->carrier == CARRIER_PART && (a->known & b->known & 1u << joint->carried_by))
+            x = quat_rotate(quat_between(quat_rotate(q, vec3_from_floats(a->direction[joint->carried_by])),
+                                         vec3_from_floats(b->direction[joint->carried_by])),
+                            x);
+    } else if (joint->carrier == CARRIER_PART && (a->known & b->known & 1u << joint->carried_by)) {
+        x = quat_rotate(quat_between(vec3_from_floats(a->direction[joint->carried_by]),
+                                     vec3_from_floats(b->direction[joint->carried_by])),
+                        x);
     }
-    if (j->carrier == CARRIER_PART)
-        variance += (double)a->sigma[j->carried_by] * a->sigma[j->carried_by] +
-                    (double)b->sigma[j->carried_by] * b->sigma[j->carried_by];
+    if (joint->carrier == CARRIER_PART)
+        variance += (double)a->sigma[joint->carried_by] * a->sigma[joint->carried_by] +
+                    (double)b->sigma[joint->carried_by] * b->sigma[joint->carried_by];
     const struct vec3 d = v3_sub(y, x);
     difference[0] = d.x;
     difference[1] = d.y;
@@ -146,13 +150,13 @@ static bool difference_with(const struct movement_frame *a, const struct movemen
     return true;
 }
 
-bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
+bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *joint,
                       double difference[3], double *sigma)
 {
     struct chest_turn turn = {{0, 0, 0, 1}, 0};
-    if (needs_chest(j))
+    if (needs_chest(joint))
         turn = chest_turn_of(a, b);
-    return difference_with(a, b, j, &turn, difference, sigma);
+    return difference_with(a, b, joint, &turn, difference, sigma);
 }
 
 // ------------------------------------------------------------- the limb's own time
@@ -160,24 +164,24 @@ bool joint_difference(const struct movement_frame *a, const struct movement_fram
 enum { SHIFTS_HALF = 15, SHIFTS = 2 * SHIFTS_HALF + 1, SMALL_HALF = 4, WINDOW_HALF = 30, RING = 64 };
 // Instants whose costs are made at once, by how many threads at most, and so few that a thread costs more than it
 // gains.
-enum { BLOCK = 1024, SHARES = 4, LEAST_FOR_THREAD = 256 };
+enum { BLOCK = 1024, SHARES = 4, MIN_FOR_THREAD = 256 };
 // Of attempts above ten minutes fewer frames are looked at, down to five a second: a window of two seconds holds ten.
-enum { MANY_FRAMES = 18000, MOST_STRIDE = 6 };
+enum { MANY_FRAMES = 18000, MAX_STRIDE = 6 };
 // Squared chords of two parts: only where they are 8 degrees off each does it matter when the limb moves.
-static const double LEAST_COST = 2 * 0.0195;
+static const double MIN_COST = 2 * 0.0195;
 // By hand: a lateness explains a difference if less than this share of it remains.
 static const double EXPLAINED = 0.55;
 // A difference that is known to 5 degrees counts half; by hand.
 static const double TRUSTED = 0.0076;
 
 // What the limbs cost at a frame of the attempt, for every shift.
-static void add_costs(const struct movement *a, const struct movement *b, const struct timeline *t, int32_t f,
+static void add_costs(const struct movement *a, const struct movement *b, const struct timeline *timeline, int32_t f,
                       float cost[SHIFTS][LIMBS])
 {
     for (int s = 0; s < SHIFTS; s++) {
         double sum[LIMBS] = {0}, d[3], sigma;
-        if (!isnan(t->reference[f])) {
-            const struct movement_frame x = movement_at(a, (double)t->reference[f] + (s - SHIFTS_HALF));
+        if (!isnan(timeline->reference[f])) {
+            const struct movement_frame x = movement_at(a, (double)timeline->reference[f] + (s - SHIFTS_HALF));
             const struct chest_turn turn = chest_turn_of(&x, &b->frames[f]);
             for (int k = 0; k < BODY_JOINTS; k++)
                 if (body_joints[k].limb >= 0 && difference_with(&x, &b->frames[f], &body_joints[k], &turn, d, &sigma))
@@ -194,20 +198,20 @@ struct sums {
     double before[RING][SHIFTS][LIMBS];
 };
 
-static void push(struct sums *s, int32_t at, float cost[SHIFTS][LIMBS])
+static void push_costs(struct sums *sums, int32_t at, float cost[SHIFTS][LIMBS])
 {
     for (int k = 0; k < SHIFTS; k++)
         for (int limb = 0; limb < LIMBS; limb++)
-            s->before[(at + 1) % RING][k][limb] = s->before[at % RING][k][limb] + cost[k][limb];
+            sums->before[(at + 1) % RING][k][limb] = sums->before[at % RING][k][limb] + cost[k][limb];
 }
 
 // The shift of one limb over the instants first..end - 1.
-static int8_t choose(const struct sums *s, int32_t first, int32_t end, int limb, bool *late)
+static int8_t choose_shift(const struct sums *sums, int32_t first, int32_t end, int limb, bool *late)
 {
     float cost[SHIFTS];
     int small = 0, large = 0;
     for (int k = 0; k < SHIFTS; k++)
-        cost[k] = (float)((s->before[end % RING][k][limb] - s->before[first % RING][k][limb]) / (end - first));
+        cost[k] = (float)((sums->before[end % RING][k][limb] - sums->before[first % RING][k][limb]) / (end - first));
     const float zero = cost[SHIFTS_HALF];
     float small_cost = zero, large_cost = zero;
     for (int k = -SHIFTS_HALF; k <= SHIFTS_HALF; k++) {
@@ -221,7 +225,7 @@ static int8_t choose(const struct sums *s, int32_t first, int32_t end, int limb,
             large = k;
         }
     }
-    *late = abs(large) > SMALL_HALF && zero > LEAST_COST && large_cost < EXPLAINED * zero;
+    *late = abs(large) > SMALL_HALF && zero > MIN_COST && large_cost < EXPLAINED * zero;
     return (int8_t)(*late ? large : small);
 }
 
@@ -235,16 +239,16 @@ struct cost_block {
 
 static void cost_share(void *context, int share)
 {
-    struct cost_block *k = context;
-    const int32_t end = k->first + (share + 1) * (BLOCK / SHARES);
-    for (int32_t n = k->first + share * (BLOCK / SHARES); n < end && n < k->end; n++)
-        add_costs(k->a, k->b, k->timeline, n * k->stride, k->cost[n - k->first]);
+    struct cost_block *block = context;
+    const int32_t end = block->first + (share + 1) * (BLOCK / SHARES);
+    for (int32_t n = block->first + share * (BLOCK / SHARES); n < end && n < block->end; n++)
+        add_costs(block->a, block->b, block->timeline, n * block->stride, block->cost[n - block->first]);
 }
 
 enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
                         struct limb_shift *out[LIMBS])
 {
-    const int32_t stride = t->count / MANY_FRAMES < MOST_STRIDE ? 1 + t->count / MANY_FRAMES : MOST_STRIDE,
+    const int32_t stride = t->count / MANY_FRAMES < MAX_STRIDE ? 1 + t->count / MANY_FRAMES : MAX_STRIDE,
                   count = (t->count + stride - 1) / stride, half = WINDOW_HALF / stride;
     struct sums *sums = calloc(1, sizeof *sums);
     struct cost_block *block = calloc(1, sizeof *block);
@@ -263,13 +267,13 @@ enum status limb_shifts(const struct movement *a, const struct movement *b, cons
             if (ahead == block->end) {
                 block->first = ahead;
                 block->end = ahead + BLOCK < count ? ahead + BLOCK : count;
-                parallel_for((block->end - ahead) / LEAST_FOR_THREAD, SHARES, cost_share, block);
+                parallel_for((block->end - ahead) / MIN_FOR_THREAD, SHARES, cost_share, block);
             }
-            push(sums, ahead, block->cost[ahead - block->first]);
+            push_costs(sums, ahead, block->cost[ahead - block->first]);
         }
         for (int limb = 0; limb < LIMBS; limb++) {
             struct limb_shift chosen;
-            chosen.frames = choose(sums, first, end, limb, &chosen.late);
+            chosen.frames = choose_shift(sums, first, end, limb, &chosen.late);
             for (int32_t f = n * stride; f < (n + 1) * stride && f < t->count; f++)
                 out[limb][f] = chosen;
         }
@@ -281,9 +285,9 @@ enum status limb_shifts(const struct movement *a, const struct movement *b, cons
 
 // ---------------------------------------------------------------- difference
 
-const char *verdict_name(enum verdict v)
+const char *verdict_name(enum verdict verdict)
 {
-    switch (v) {
+    switch (verdict) {
     case VERDICT_SAME: return "same";
     case VERDICT_DIFFERENT: return "different";
     case VERDICT_UNKNOWN: break;
@@ -294,53 +298,53 @@ const char *verdict_name(enum verdict v)
 enum verdict verdict_of(double angle_rad, double sigma_rad)
 {
     const double quantile = 0.613; // of the normal distribution, for VERDICT_LEVEL
-    const double most_sigma = 1.7 * DIFFERENT_RAD;
-    if (!(sigma_rad >= 0 && sigma_rad <= most_sigma) || !isfinite(angle_rad))
+    const double max_sigma = 1.7 * DIFFERENT_RAD;
+    if (!(sigma_rad >= 0 && sigma_rad <= max_sigma) || !isfinite(angle_rad))
         return VERDICT_UNKNOWN;
     if (angle_rad - quantile * sigma_rad >= DIFFERENT_RAD)
         return VERDICT_DIFFERENT;
     return angle_rad + quantile * sigma_rad < DIFFERENT_RAD ? VERDICT_SAME : VERDICT_UNKNOWN;
 }
 
-void timeline_free(struct timeline *t)
+void timeline_free(struct timeline *timeline)
 {
-    free(t->reference);
-    *t = (struct timeline){0};
+    free(timeline->reference);
+    *timeline = (struct timeline){0};
 }
 
 // The frame of A for the pairs first .. end - 1, which share one frame of B.
-static float reference_of(const struct alignment *x, int32_t first, int32_t end, const struct features *a,
+static float reference_of(const struct alignment *alignment, int32_t first, int32_t end, const struct features *a,
                           const struct features *b)
 {
     enum { SHORT = 6 };
     if (end - first <= SHORT)
-        return 0.5f * (float)(x->pairs[first].a + x->pairs[end - 1].a);
-    int32_t best = first, least = INT32_MAX;
+        return 0.5f * (float)(alignment->pairs[first].a + alignment->pairs[end - 1].a);
+    int32_t best = first, min = INT32_MAX;
     for (int32_t k = first; k < end; k++) {
-        const int32_t c = feature_cost(&a->frames[x->pairs[k].a], &b->frames[x->pairs[k].b]);
-        if (c < least) {
-            least = c;
+        const int32_t c = feature_cost(&a->frames[alignment->pairs[k].a], &b->frames[alignment->pairs[k].b]);
+        if (c < min) {
+            min = c;
             best = k;
         }
     }
-    return (float)x->pairs[best].a;
+    return (float)alignment->pairs[best].a;
 }
 
 // A mean over 5 frames, except where the path jumps.
-static void smooth(struct timeline *t, const float *raw)
+static void smooth_timeline(struct timeline *timeline, const float *raw)
 {
-    for (int32_t j = 0; j < t->count; j++) {
+    for (int32_t j = 0; j < timeline->count; j++) {
         float sum = 0;
         int used = 0;
         for (int k = 1; k <= 2; k++) {
-            if (j - k < 0 || j + k >= t->count || isnan(raw[j - k]) || isnan(raw[j + k]))
+            if (j - k < 0 || j + k >= timeline->count || isnan(raw[j - k]) || isnan(raw[j + k]))
                 break;
             if (raw[j + k] - raw[j - k] > 6 * k + 4)
                 break;
             sum += raw[j - k] + raw[j + k];
             used += 2;
         }
-        t->reference[j] = (sum + raw[j]) / (float)(used + 1);
+        timeline->reference[j] = (sum + raw[j]) / (float)(used + 1);
     }
 }
 
@@ -362,24 +366,24 @@ enum status timeline_from_alignment(const struct alignment *x, const struct feat
             end++;
         raw[x->pairs[first].b] = reference_of(x, first, end, a, b);
     }
-    smooth(out, raw);
+    smooth_timeline(out, raw);
     free(raw);
     return OK;
 }
 
-struct movement_frame movement_at(const struct movement *m, double frame)
+struct movement_frame movement_at(const struct movement *movement, double frame)
 {
-    frame = fmax(0, fmin(m->count - 1, frame));
-    const int32_t i = (int32_t)frame, k = i + 1 < m->count ? i + 1 : i;
+    frame = fmax(0, fmin(movement->count - 1, frame));
+    const int32_t i = (int32_t)frame, k = i + 1 < movement->count ? i + 1 : i;
     const float t = (float)(frame - i);
-    const struct movement_frame *a = &m->frames[i], *b = &m->frames[k];
-    struct movement_frame out = *a;
+    const struct movement_frame *movement_frame = &movement->frames[i], *b = &movement->frames[k];
+    struct movement_frame out = *movement_frame;
     if (t == 0)
         return out;
-    out.known = a->known & b->known;
-    out.heading = a->heading + t * (b->heading - a->heading);
+    out.known = movement_frame->known & b->known;
+    out.heading = movement_frame->heading + t * (b->heading - movement_frame->heading);
     for (int p = 0; p <= PART_COUNT; p++) {
-        const float *x = p < PART_COUNT ? a->direction[p] : a->shoulders,
+        const float *x = p < PART_COUNT ? movement_frame->direction[p] : movement_frame->shoulders,
                     *y = p < PART_COUNT ? b->direction[p] : b->shoulders;
         float *to = p < PART_COUNT ? out.direction[p] : out.shoulders;
         float length2 = 0;
@@ -390,26 +394,26 @@ struct movement_frame movement_at(const struct movement *m, double frame)
         for (int k2 = 0; k2 < 3 && length2 > 1e-12f; k2++)
             to[k2] /= sqrtf(length2);
         if (p < PART_COUNT)
-            out.sigma[p] = a->sigma[p] > b->sigma[p] ? a->sigma[p] : b->sigma[p];
+            out.sigma[p] = movement_frame->sigma[p] > b->sigma[p] ? movement_frame->sigma[p] : b->sigma[p];
     }
     return out;
 }
 
 enum { AVERAGE_HALF = 2 };
 
-void part_differences(const struct movement *a, const struct movement *b, const struct timeline *t, int32_t frame,
-                      struct part_difference out[PART_COUNT])
+void part_differences(const struct movement *a, const struct movement *b, const struct timeline *timeline,
+                      int32_t frame, struct part_difference out[PART_COUNT])
 {
     double sum[PART_COUNT][3] = {{0}};
     int used[PART_COUNT] = {0};
     for (int p = 0; p < PART_COUNT; p++)
         out[p] = (struct part_difference){NAN, NAN, VERDICT_UNKNOWN};
-    if (isnan(t->reference[frame]))
+    if (isnan(timeline->reference[frame]))
         return;
     for (int32_t f = frame - AVERAGE_HALF; f <= frame + AVERAGE_HALF; f++) {
-        if (f < 0 || f >= t->count || isnan(t->reference[f]))
+        if (f < 0 || f >= timeline->count || isnan(timeline->reference[f]))
             continue;
-        const struct movement_frame x = movement_at(a, t->reference[f]), *y = &b->frames[f];
+        const struct movement_frame x = movement_at(a, timeline->reference[f]), *y = &b->frames[f];
         for (int p = 0; p < PART_COUNT; p++) {
             if (!(x.known & y->known & 1u << p))
                 continue;

@@ -12,7 +12,7 @@ struct feature_box {
 };
 
 // Of the frames first .. end - 1; at least one.
-struct feature_box feature_box_of(const struct features *f, int32_t first, int32_t end);
+struct feature_box feature_box_of(const struct features *features, int32_t first, int32_t end);
 
 // No pair of frames from the two boxes costs less (feature_cost).
 int32_t feature_box_cost(const struct feature_box *a, const struct feature_box *b);
@@ -20,7 +20,7 @@ int32_t feature_box_cost(const struct feature_box *a, const struct feature_box *
 // ---------------------------------------------------------------- difference
 
 enum verdict { VERDICT_UNKNOWN, VERDICT_SAME, VERDICT_DIFFERENT };
-const char *verdict_name(enum verdict v); // "unknown", "same", "different"
+const char *verdict_name(enum verdict verdict); // "unknown", "same", "different"
 
 // A part is different where its directions are more than this apart, the same where they are less. Chosen by hand,
 // half-way between what a viewer does not notice (5 degrees) and does (15).
@@ -42,20 +42,20 @@ struct timeline {
     float *reference; // [count], in frames of A
     int32_t count;
 };
-void timeline_free(struct timeline *t);
+void timeline_free(struct timeline *timeline);
 // From the pairs of an alignment. Where one frame of B stands for many of A (a piece of A is missing in B) it is the
 // one it resembles most, else their mean, smoothed over 5 frames. ERR_MEMORY.
 MUST_CHECK enum status timeline_from_alignment(const struct alignment *x, const struct features *a,
                                                const struct features *b, struct timeline *out);
 
 // A movement's frame at any time, interpolated; known where both neighbours are.
-struct movement_frame movement_at(const struct movement *m, double frame);
+struct movement_frame movement_at(const struct movement *movement, double frame);
 
 // out: [PART_COUNT] of frame `frame` of B. The difference of the directions is averaged over 5 frames, and the variance
 // of one axis is taken off its square: noise alone never points nowhere, and would be taken for an angle (two axes of
 // it would be right for independent frames and an exact sigma; by hand).
-void part_differences(const struct movement *a, const struct movement *b, const struct timeline *t, int32_t frame,
-                      struct part_difference out[PART_COUNT]);
+void part_differences(const struct movement *a, const struct movement *b, const struct timeline *timeline,
+                      int32_t frame, struct part_difference out[PART_COUNT]);
 
 // ---------------------------------------------------------------- limb times
 
@@ -78,7 +78,7 @@ enum { BODY_JOINTS = 10, LIMBS = 4 };
 extern const struct body_joint body_joints[BODY_JOINTS];
 
 // Difference of the part's directions, B - A, upright frame. sigma: of its length, rad. False: a part is unknown.
-bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
+bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *joint,
                       double difference[3], double *sigma);
 
 struct limb_shift {

@@ -1,7 +1,7 @@
 #include "compare/findings.h"
 
-#include "base/threads.h"
 #include "base/portable_math.h"
+#include "base/threads.h"
 #include "compare/difference.h"
 #include "compare/movement.h"
 
@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static enum status finding_add(struct comparison *c, const struct finding *f, bool timed);
+static enum status finding_add(struct comparison *comparison, const struct finding *finding, bool timed);
 
 // ---------------------------------------------------------------- not judged
 
@@ -32,7 +32,7 @@ static const struct {
 // From a left joint to its right one.
 static const int TO_RIGHT = JOINT_RIGHT_SHOULDER - JOINT_LEFT_SHOULDER;
 
-static void append(char *out, const char *text)
+static void append_text(char *out, const char *text)
 {
     const size_t used = strlen(out);
     snprintf(out + used, NOT_JUDGED_BYTES - used, "%s", text);
@@ -48,10 +48,10 @@ static int name_joints(uint16_t joints, char out[NOT_JUDGED_BYTES])
                    right = joint_words[k].two && joints >> (joint_words[k].joint + TO_RIGHT) & 1;
         if (!left && !right)
             continue;
-        append(out, count ? ", the " : "the ");
+        append_text(out, count ? ", the " : "the ");
         if (joint_words[k].two && !(left && right))
-            append(out, left ? "left " : "right ");
-        append(out, left && right ? joint_words[k].two : joint_words[k].one);
+            append_text(out, left ? "left " : "right ");
+        append_text(out, left && right ? joint_words[k].two : joint_words[k].one);
         count += left + right;
     }
     return count;
@@ -63,35 +63,35 @@ static void say_not_judged(uint16_t joints, const char *how, const char *where, 
     const int count = name_joints(joints, text);
     if (!count)
         return;
-    append(out, *out ? "; " : "could not be judged: ");
-    append(out, text);
-    append(out, count > 1 ? " are " : " is ");
-    append(out, how);
-    append(out, where);
+    append_text(out, *out ? "; " : "could not be judged: ");
+    append_text(out, text);
+    append_text(out, count > 1 ? " are " : " is ");
+    append_text(out, how);
+    append_text(out, where);
 }
 
 // Parts that are known too seldom although their joints are known at times.
-static void say_parts(const struct comparison *c, char out[NOT_JUDGED_BYTES])
+static void say_parts(const struct comparison *comparison, char out[NOT_JUDGED_BYTES])
 {
     for (int p = 0; p < PART_COUNT; p++) {
         char text[64];
-        if (c->parts >> p & 1)
+        if (comparison->parts >> p & 1)
             continue;
         snprintf(text, sizeof text, "%sthe %s", *out ? ", " : "could not be judged: ", part_name((enum part)p));
         for (char *at = text; (at = strchr(at, '_'));)
             *at = ' ';
-        append(out, text);
+        append_text(out, text);
     }
-    append(out, ": hardly ever seen whole");
+    append_text(out, ": hardly ever seen whole");
 }
 
-const char *not_judged_text(const struct comparison *c, char out[NOT_JUDGED_BYTES])
+const char *not_judged_text(const struct comparison *comparison, char out[NOT_JUDGED_BYTES])
 {
-    const uint16_t none_a = (uint16_t)~c->a.joints_ever, none_b = (uint16_t)~c->b.joints_ever,
-                   few_a = c->a.joints_ever & (uint16_t)~c->a.joints_often,
-                   few_b = c->b.joints_ever & (uint16_t)~c->b.joints_often;
+    const uint16_t none_a = (uint16_t)~comparison->a.joints_ever, none_b = (uint16_t)~comparison->b.joints_ever,
+                   few_a = comparison->a.joints_ever & (uint16_t)~comparison->a.joints_often,
+                   few_b = comparison->b.joints_ever & (uint16_t)~comparison->b.joints_often;
     *out = 0;
-    if (!(~c->parts & ((1u << PART_COUNT) - 1)))
+    if (!(~comparison->parts & ((1u << PART_COUNT) - 1)))
         return out;
     say_not_judged(none_a & none_b, "in neither movement", "", out);
     say_not_judged(none_b & (uint16_t)~none_a, "not in ", "the attempt", out);
@@ -99,7 +99,7 @@ const char *not_judged_text(const struct comparison *c, char out[NOT_JUDGED_BYTE
     say_not_judged(few_b, "hardly ever in ", "the attempt", out);
     say_not_judged(few_a, "hardly ever in ", "the reference", out);
     if (!*out)
-        say_parts(c, out);
+        say_parts(comparison, out);
     return out;
 }
 
@@ -115,22 +115,23 @@ int part_by_name(const char *name)
     return -1;
 }
 
-int judged_part(const struct comparison *c, int part)
+int judged_part(const struct comparison *comparison, int part)
 {
-    return part >= 0 && c->mirrored ? (int)mirrored_part((enum part)part) : part;
+    return part >= 0 && comparison->mirrored ? (int)mirrored_part((enum part)part) : part;
 }
 
-double finding_worst_s(const struct comparison *c, const struct finding *f)
+double finding_worst_s(const struct comparison *comparison, const struct finding *finding)
 {
-    const int32_t first = (int32_t)(f->from_s * MOVEMENT_RATE_HZ + 0.5), end = (int32_t)(f->to_s * MOVEMENT_RATE_HZ);
-    const int judged = judged_part(c, part_by_name(f->part));
-    double worst_s = 0.5 * (f->from_s + f->to_s);
-    float most = 0;
-    for (int32_t k = first; k < end && k < c->judged.count && judged >= 0; k++) {
+    const int32_t first = (int32_t)(finding->from_s * MOVEMENT_RATE_HZ + 0.5),
+                  end = (int32_t)(finding->to_s * MOVEMENT_RATE_HZ);
+    const int judged = judged_part(comparison, part_by_name(finding->part));
+    double worst_s = 0.5 * (finding->from_s + finding->to_s);
+    float max = 0;
+    for (int32_t k = first; k < end && k < comparison->judged.count && judged >= 0; k++) {
         struct part_difference parts[PART_COUNT];
-        part_differences(&c->a, &c->judged, &c->timeline, k, parts);
-        if (parts[judged].verdict == VERDICT_DIFFERENT && parts[judged].angle_rad > most) {
-            most = parts[judged].angle_rad;
+        part_differences(&comparison->a, &comparison->judged, &comparison->timeline, k, parts);
+        if (parts[judged].verdict == VERDICT_DIFFERENT && parts[judged].angle_rad > max) {
+            max = parts[judged].angle_rad;
             worst_s = k / MOVEMENT_RATE_HZ;
         }
     }
@@ -144,46 +145,48 @@ double finding_worst_s(const struct comparison *c, const struct finding *f)
 // A second longer or shorter counts as 20 degrees do for a second: a pause that is hardly noticed comes last. By hand.
 #define PAUSE_WEIGHT 20
 
-enum { LEAST_REST = 18, SAME_REST = 15, LEAST_NET = 10 }; // frames; by hand
+enum { MIN_REST = 18, SAME_REST = 15, MIN_NET = 10 }; // frames; by hand
 
-static double seconds(double frames) { return frames / MOVEMENT_RATE_HZ; }
+static double frames_to_seconds(double frames) { return frames / MOVEMENT_RATE_HZ; }
 
 // "second": of the whole turns of the movement, which one ends nearest to `frame`?
-static int which_turn(const struct movement *m, int32_t frame)
+static int which_turn(const struct movement *movement, int32_t frame)
 {
     const double whole = 5.2; // 300 degrees: a turn that is not quite closed counts
-    double from = m->frames[0].heading;
+    double from = movement->frames[0].heading;
     int turns = 0;
-    for (int32_t f = 0; f <= frame && f < m->count; f++)
-        if (fabs((double)m->frames[f].heading - from) >= whole) {
+    for (int32_t f = 0; f <= frame && f < movement->count; f++)
+        if (fabs((double)movement->frames[f].heading - from) >= whole) {
             turns++;
-            from = m->frames[f].heading;
+            from = movement->frames[f].heading;
         }
     return turns;
 }
 
-static const char *ordinal(int n)
+static const char *ordinal_word(int n)
 {
     static const char *const names[] = {"", "first", "second", "third", "fourth", "fifth", "sixth"};
     return n >= 1 && n <= 6 ? names[n] : "last";
 }
 
-static enum status of_piece(struct comparison *c, const struct piece *p)
+static enum status of_piece(struct comparison *comparison, const struct piece *piece)
 {
     struct finding f = {.part = "body", .unit = "s"};
-    const double a_s = seconds(p->a_end - p->a_first), b_s = seconds(p->b_end - p->b_first);
-    const bool turn = fabs(p->turned_rad) > 2.6; // 150 degrees
-    f.from_s = seconds(p->b_first);
-    f.to_s = seconds(p->b_end);
-    switch (p->kind) {
+    const double a_s = frames_to_seconds(piece->a_end - piece->a_first),
+                 b_s = frames_to_seconds(piece->b_end - piece->b_first);
+    const bool turn = fabs(piece->turned_rad) > 2.6; // 150 degrees
+    f.from_s = frames_to_seconds(piece->b_first);
+    f.to_s = frames_to_seconds(piece->b_end);
+    switch (piece->kind) {
     case PIECE_MISSING:
         f.kind = FINDING_MISSING;
-        f.from_s = seconds(p->a_first);
-        f.to_s = seconds(p->a_end);
+        f.from_s = frames_to_seconds(piece->a_first);
+        f.to_s = frames_to_seconds(piece->a_end);
         f.amount = a_s;
         f.weight = 60 + 20 * a_s;
         if (turn)
-            snprintf(f.sentence, sizeof f.sentence, "The %s turn is missing", ordinal(which_turn(&c->a, p->a_end)));
+            snprintf(f.sentence, sizeof f.sentence, "The %s turn is missing",
+                     ordinal_word(which_turn(&comparison->a, piece->a_end)));
         else
             snprintf(f.sentence, sizeof f.sentence, "%.1f s of the reference are missing", a_s);
         break;
@@ -207,49 +210,56 @@ static enum status of_piece(struct comparison *c, const struct piece *p)
         snprintf(f.sentence, sizeof f.sentence, "The pause is %.1f s too short", -f.amount);
         break;
     }
-    return finding_add(c, &f, true);
+    return finding_add(comparison, &f, true);
 }
 
-static enum status of_pace(struct comparison *c)
+static enum status of_pace(struct comparison *comparison)
 {
-    const double percent = 100 * (c->pace.ratio - 1);
-    if (!(c->pace.ratio > 0) || fabs(percent) < 12 || c->pace.b_end - c->pace.b_first < 30)
+    const double percent = 100 * (comparison->pace.ratio - 1);
+    if (!(comparison->pace.ratio > 0) || fabs(percent) < 12 || comparison->pace.b_end - comparison->pace.b_first < 30)
         return OK;
-    struct finding f = {FINDING_TIMING, "body", seconds(c->pace.b_first), seconds(c->pace.b_end),
-                        percent,        "%",    fabs(percent) / 4,        ""};
+    struct finding f = {FINDING_TIMING,
+                        "body",
+                        frames_to_seconds(comparison->pace.b_first),
+                        frames_to_seconds(comparison->pace.b_end),
+                        percent,
+                        "%",
+                        fabs(percent) / 4,
+                        ""};
     snprintf(f.sentence, sizeof f.sentence, "You were %.0f %% %s", fabs(percent),
              percent > 0 ? "too fast" : "too slow");
-    return finding_add(c, &f, false);
+    return finding_add(comparison, &f, false);
 }
 
 // Frames of one movement that the alignment could not use: pieces, pauses and what is before and after.
-static int32_t unused(const struct comparison *c, bool of_a)
+static int32_t count_unused_frames(const struct comparison *comparison, bool of_a)
 {
-    const struct pace *p = &c->pace;
-    int32_t sum = of_a ? p->a_first + c->a.count - p->a_end : p->b_first + c->judged.count - p->b_end;
+    const struct pace *p = &comparison->pace;
+    int32_t sum = of_a ? p->a_first + comparison->a.count - p->a_end : p->b_first + comparison->judged.count - p->b_end;
     for (int32_t k = 0; k < p->piece_count; k++) {
-        const struct piece *x = &p->pieces[k];
-        if (of_a ? x->kind == PIECE_MISSING || x->kind == PIECE_PAUSE_SKIPPED
-                 : x->kind == PIECE_EXTRA || x->kind == PIECE_PAUSE)
-            sum += of_a ? x->a_end - x->a_first : x->b_end - x->b_first;
+        const struct piece *piece = &p->pieces[k];
+        if (of_a ? piece->kind == PIECE_MISSING || piece->kind == PIECE_PAUSE_SKIPPED
+                 : piece->kind == PIECE_EXTRA || piece->kind == PIECE_PAUSE)
+            sum += of_a ? piece->a_end - piece->a_first : piece->b_end - piece->b_first;
     }
     return sum;
 }
 
 // Repetitions are too few or too many only where the alignment, too, has half a repetition to spare.
-static enum status of_repetitions(struct comparison *c, bool *said)
+static enum status of_repetitions(struct comparison *comparison, bool *said)
 {
-    const int32_t wanted = c->repetitions.reference_count, got = c->repetitions.count;
+    const int32_t wanted = comparison->repetitions.reference_count, got = comparison->repetitions.count;
     *said = false;
     if (wanted < 2 || got < 2 || wanted == got)
         return OK;
     const int32_t off = abs(wanted - got);
-    const int32_t length = (got < wanted ? c->a.count : c->judged.count) / (got < wanted ? wanted : got);
-    if (2 * unused(c, got < wanted) < length)
+    const int32_t length =
+        (got < wanted ? comparison->a.count : comparison->judged.count) / (got < wanted ? wanted : got);
+    if (2 * count_unused_frames(comparison, got < wanted) < length)
         return OK;
     struct finding f = {.kind = got < wanted ? FINDING_MISSING : FINDING_EXTRA,
                         .part = "body",
-                        .to_s = seconds(c->judged.count),
+                        .to_s = frames_to_seconds(comparison->judged.count),
                         .amount = off,
                         .unit = "times",
                         .weight = 50};
@@ -257,22 +267,28 @@ static enum status of_repetitions(struct comparison *c, bool *said)
     snprintf(f.sentence, sizeof f.sentence, "%d repetition%s %s: %d instead of %d", (int)off, off > 1 ? "s" : "",
              got < wanted ? missing : "too many", (int)got, (int)wanted);
     *said = true;
-    return finding_add(c, &f, false);
+    return finding_add(comparison, &f, false);
 }
 
-static bool is_pause(const struct piece *p) { return p->kind == PIECE_PAUSE || p->kind == PIECE_PAUSE_SKIPPED; }
+static bool is_pause(const struct piece *piece)
+{
+    return piece->kind == PIECE_PAUSE || piece->kind == PIECE_PAUSE_SKIPPED;
+}
 
-static int32_t frames_longer(const struct piece *p) { return p->b_end - p->b_first - (p->a_end - p->a_first); }
+static int32_t frames_longer(const struct piece *piece)
+{
+    return piece->b_end - piece->b_first - (piece->a_end - piece->a_first);
+}
 
 // While both stand still it is open which instants belong together: the alignment may wait in one movement and then in
 // the other. Of such pauses by turns only what remains is one. Joins piece k with those that follow it so; returns how
 // many they are.
-static int32_t join_pauses(const struct pace *p, int32_t k, struct piece *joined)
+static int32_t join_pauses(const struct pace *pace, int32_t k, struct piece *joined)
 {
     int32_t count = 1;
-    *joined = p->pieces[k];
-    for (; is_pause(joined) && k + count < p->piece_count; count++) {
-        const struct piece *last = &p->pieces[k + count - 1], *next = &p->pieces[k + count];
+    *joined = pace->pieces[k];
+    for (; is_pause(joined) && k + count < pace->piece_count; count++) {
+        const struct piece *last = &pace->pieces[k + count - 1], *next = &pace->pieces[k + count];
         if (!is_pause(next) || next->kind == last->kind || next->b_first - last->b_end > SAME_REST ||
             next->a_first - last->a_end > SAME_REST)
             break;
@@ -285,31 +301,37 @@ static int32_t join_pauses(const struct pace *p, int32_t k, struct piece *joined
 }
 
 // missing, extra, pauses, pace, repetitions, mirrored
-static enum status find_pieces(struct comparison *c)
+static enum status find_pieces(struct comparison *comparison)
 {
     enum status status = OK;
-    if (c->mirrored) {
-        const struct finding f = {
-            FINDING_MIRRORED, "body", seconds(c->pace.b_first),           seconds(c->pace.b_end), 1,
-            "times",          1000,   "Mirrored: you used the other side"};
-        status = finding_add(c, &f, false);
+    if (comparison->mirrored) {
+        const struct finding f = {FINDING_MIRRORED,
+                                  "body",
+                                  frames_to_seconds(comparison->pace.b_first),
+                                  frames_to_seconds(comparison->pace.b_end),
+                                  1,
+                                  "times",
+                                  1000,
+                                  "Mirrored: you used the other side"};
+        status = finding_add(comparison, &f, false);
     }
     bool said = false;
     if (status == OK)
-        status = of_repetitions(c, &said);
+        status = of_repetitions(comparison, &said);
     // What one performance of the reference lacks or adds when it is done several times is no finding.
-    const bool several = c->repetitions.count >= 2 && c->repetitions.reference_count < 2;
+    const bool several = comparison->repetitions.count >= 2 && comparison->repetitions.reference_count < 2;
     // Between repetitions people rest a little longer or shorter.
-    const int32_t least = c->repetitions.count >= 2 && c->repetitions.reference_count >= 2 ? LEAST_REST : 0;
-    for (int32_t k = 0, count; k < c->pace.piece_count && status == OK && !several; k += count) {
+    const int32_t min =
+        comparison->repetitions.count >= 2 && comparison->repetitions.reference_count >= 2 ? MIN_REST : 0;
+    for (int32_t k = 0, count; k < comparison->pace.piece_count && status == OK && !several; k += count) {
         struct piece p;
-        count = join_pauses(&c->pace, k, &p);
-        if (is_pause(&p) && abs(frames_longer(&p)) < (count > 1 && least < LEAST_NET ? LEAST_NET : least))
+        count = join_pauses(&comparison->pace, k, &p);
+        if (is_pause(&p) && abs(frames_longer(&p)) < (count > 1 && min < MIN_NET ? MIN_NET : min))
             continue;
         if (!said || (p.kind != PIECE_MISSING && p.kind != PIECE_EXTRA))
-            status = of_piece(c, &p);
+            status = of_piece(comparison, &p);
     }
-    return status == OK && !several && !said ? of_pace(c) : status;
+    return status == OK && !several && !said ? of_pace(comparison) : status;
 }
 
 // ---------------------------------------------------------------- finding postures
@@ -325,7 +347,7 @@ static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPP
 // as it is off for a quarter of the time.
 static const double OFFSET_SHARE = 0.5, OFFSET_QUANTILE = 0.25;
 enum { FRAMES_AT_ONCE = 4096, THREADS = 4 }; // a thread's share of a long attempt; a short one has none of its own
-enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 11, MOST_HALF = 30, LEAST_LATE = 20 };
+enum { MIN_FRAMES = 9, MAX_GAP = 9, SMOOTH_HALF = 11, MAX_HALF = 30, MIN_LATE = 20 };
 
 struct series {
     const struct body_joint *joint;
@@ -348,15 +370,15 @@ struct judge {
 static double at_seconds(int32_t frame) { return frame / MOVEMENT_RATE_HZ; }
 
 // Names as the attempt's own sides: what was judged may be its mirror image.
-static const char *side_word(const struct judge *g, enum part p)
+static const char *side_word(const struct judge *judge, enum part part)
 {
-    const enum part own = g->c->mirrored ? mirrored_part(p) : p;
+    const enum part own = judge->c->mirrored ? mirrored_part(part) : part;
     return strncmp(part_name(own), "left", 4) ? "Right" : "Left";
 }
 
-static const char *own_part(const struct judge *g, enum part p)
+static const char *own_part(const struct judge *judge, enum part part)
 {
-    return part_name(g->c->mirrored ? mirrored_part(p) : p);
+    return part_name(judge->c->mirrored ? mirrored_part(part) : part);
 }
 
 // ------------------------------------------------------------- the series
@@ -380,76 +402,76 @@ static int by_value(const void *a, const void *b)
 
 // By 11 bits of the values at a time, which are 0 or more: then floats are in the order of their bits. Stable, as
 // glibc's qsort is, and ten times as fast for hours of frames.
-static void sort_many(struct weighed *v, struct weighed *other, int32_t count)
+static void sort_many(struct weighed *weighed, struct weighed *other, int32_t count)
 {
     enum { BITS = 11, PASSES = 3, DIGITS = 1 << BITS };
     for (int pass = 0; pass < PASSES; pass++) {
         int32_t begin[DIGITS + 1] = {0};
         for (int32_t k = 0; k < count; k++)
-            begin[1 + (bits_of(v[k].value) >> (pass * BITS) & (DIGITS - 1))]++;
+            begin[1 + (bits_of(weighed[k].value) >> (pass * BITS) & (DIGITS - 1))]++;
         for (int d = 0; d < DIGITS; d++)
             begin[d + 1] += begin[d];
         for (int32_t k = 0; k < count; k++)
-            other[begin[bits_of(v[k].value) >> (pass * BITS) & (DIGITS - 1)]++] = v[k];
+            other[begin[bits_of(weighed[k].value) >> (pass * BITS) & (DIGITS - 1)]++] = weighed[k];
         struct weighed *const sorted = other;
-        other = v;
-        v = sorted;
+        other = weighed;
+        weighed = sorted;
     }
-    memcpy(other, v, (size_t)count * sizeof *v); // an odd number of passes
+    memcpy(other, weighed, (size_t)count * sizeof *weighed); // an odd number of passes
 }
 
 // The value below which `share` of the weight is; sorts. Values are 0 or more. NaN: nothing there. v has room for twice
 // as many.
-static double weighed_quantile(struct weighed *v, int32_t count, double share)
+static double weighed_quantile(struct weighed *weighed, int32_t count, double share)
 {
     enum { MANY = 4096 };
     double sum = 0, before = 0;
     for (int32_t k = 0; k < count; k++)
-        sum += v[k].weight;
+        sum += weighed[k].weight;
     if (count < MANY)
-        qsort(v, (size_t)count, sizeof *v, by_value);
+        qsort(weighed, (size_t)count, sizeof *weighed, by_value);
     else
-        sort_many(v, v + count, count);
+        sort_many(weighed, weighed + count, count);
     for (int32_t k = 0; k < count; k++) {
-        before += v[k].weight;
+        before += weighed[k].weight;
         if (before >= share * sum)
-            return v[k].value;
+            return weighed[k].value;
     }
     return NAN;
 }
 
 // What a frame says against noise of its own and of 3 degrees.
-static double weight_of(const struct series *s, int32_t f)
+static double weight_of(const struct series *series, int32_t f)
 {
-    return s->fresh[f] / ((double)s->sigma[f] * s->sigma[f] + 9);
+    return series->fresh[f] / ((double)series->sigma[f] * series->sigma[f] + 9);
 }
 
 // Many frames of B that show one of A (a pause) tell little more than one: A's error is the same in all of them.
-static void fill_fresh(const struct judge *g)
+static void fill_fresh(const struct judge *judge)
 {
     enum { HALF = 2 };
-    const double least = 0.2; // of B's own errors; by hand
-    const float *reference = g->c->timeline.reference;
-    for (int32_t f = 0; f < g->count; f++) {
+    const double min = 0.2; // of B's own errors; by hand
+    const float *reference = judge->c->timeline.reference;
+    for (int32_t f = 0; f < judge->count; f++) {
         int32_t first = f, end = f;
         while (first > 0 && first > f - HALF && !isnan(reference[first - 1]))
             first--;
-        while (end + 1 < g->count && end < f + HALF && !isnan(reference[end + 1]))
+        while (end + 1 < judge->count && end < f + HALF && !isnan(reference[end + 1]))
             end++;
         const double pace = end > first ? ((double)reference[end] - reference[first]) / (end - first) : 1;
-        g->s.fresh[f] = (float)fmax(least, fmin(1, pace));
+        judge->s.fresh[f] = (float)fmax(min, fmin(1, pace));
     }
 }
 
 // The frames about f whose `fresh` is SMOOTH_HALF in sum to either side.
-static void window_about(const struct series *s, int32_t count, int32_t f, int32_t *first, int32_t *end)
+static void window_about(const struct series *series, int32_t count, int32_t f, int32_t *first, int32_t *end)
 {
     double before = 0, after = 0;
     *first = f;
     *end = f + 1;
-    while (*first > 0 && f - *first < MOST_HALF && (before += s->fresh[*first - 1]) <= SMOOTH_HALF)
+    while (*first > 0 && f - *first < MAX_HALF && (before += series->fresh[*first - 1]) <= SMOOTH_HALF)
         --*first;
-    while (*end < count && *end - f <= MOST_HALF && (after += s->fresh[*end]) <= SMOOTH_HALF)
+    while (*end < count && *end - f <= MAX_HALF && (after += series->fresh[*end]) <= SMOOTH_HALF)
         ++*end;
 }
 
@@ -459,46 +481,46 @@ struct smoothing {
     struct sliding_quantile axis[3];
 };
 
-static void add_frames(struct smoothing *w, const struct series *s, int32_t first, int32_t end)
+static void add_frames(struct smoothing *smoothing, const struct series *series, int32_t first, int32_t end)
 {
     for (int32_t k = first; k < end; k++)
-        for (int axis = 0; axis < 3 && !isnan(s->sigma[k]); axis++)
-            sliding_add(&w->axis[axis], k, s->difference[k][axis], s->weight[k]);
+        for (int axis = 0; axis < 3 && !isnan(series->sigma[k]); axis++)
+            sliding_add(&smoothing->axis[axis], k, series->difference[k][axis], series->weight[k]);
 }
 
-static void remove_frames(struct smoothing *w, int32_t first, int32_t end)
+static void remove_frames(struct smoothing *smoothing, int32_t first, int32_t end)
 {
     for (int32_t k = first; k < end; k++)
         for (int axis = 0; axis < 3; axis++)
-            sliding_remove(&w->axis[axis], k);
+            sliding_remove(&smoothing->axis[axis], k);
 }
 
-static void slide(struct smoothing *w, const struct series *s, int32_t first, int32_t end)
+static void slide_window(struct smoothing *smoothing, const struct series *series, int32_t first, int32_t end)
 {
-    if (first >= w->end || end <= w->first) {
-        *w = (struct smoothing){.first = first, .end = first};
+    if (first >= smoothing->end || end <= smoothing->first) {
+        *smoothing = (struct smoothing){.first = first, .end = first};
     } else {
-        remove_frames(w, w->first, first);
-        remove_frames(w, end, w->end);
-        w->first = w->first > first ? w->first : first;
-        w->end = w->end < end ? w->end : end;
+        remove_frames(smoothing, smoothing->first, first);
+        remove_frames(smoothing, end, smoothing->end);
+        smoothing->first = smoothing->first > first ? smoothing->first : first;
+        smoothing->end = smoothing->end < end ? smoothing->end : end;
     }
-    add_frames(w, s, first, w->first);
-    add_frames(w, s, w->end, end);
-    w->first = first;
-    w->end = end;
+    add_frames(smoothing, series, first, smoothing->first);
+    add_frames(smoothing, series, smoothing->end, end);
+    smoothing->first = first;
+    smoothing->end = end;
 }
 
 // Of the median of the differences about a frame, axis by axis: a tracker's gross mistakes are short, and a median
 // passes over what is shorter than half its window. Frames in their order, one window for all of them.
-static float smoothed_degrees(const struct series *s, int32_t count, int32_t f, struct smoothing *window)
+static float smoothed_degrees(const struct series *series, int32_t count, int32_t f, struct smoothing *window)
 {
     double square = 0, sum = 0;
     int32_t first, end;
-    window_about(s, count, f, &first, &end);
-    slide(window, s, first, end);
+    window_about(series, count, f, &first, &end);
+    slide_window(window, series, first, end);
     for (int32_t k = first; k < end; k++)
-        sum += isnan(s->sigma[k]) ? 0 : s->weight[k];
+        sum += isnan(series->sigma[k]) ? 0 : series->weight[k];
     for (int axis = 0; axis < 3; axis++) {
         const double middle = sliding_quantile_of(&window->axis[axis], sum, 0.5);
         square += middle * middle;
@@ -506,26 +528,26 @@ static float smoothed_degrees(const struct series *s, int32_t count, int32_t f, 
     return (float)(2 * RAD * portable_asin(fmin(1, sqrt(square) / 2)));
 }
 
-static double offset_degrees(const struct judge *g)
+static double offset_degrees(const struct judge *judge)
 {
     int32_t used = 0;
-    for (int32_t f = 0; f < g->count; f++)
-        if (!isnan(g->s.degrees[f]))
-            g->scratch[used++] = (struct weighed){g->s.degrees[f], g->s.fresh[f]};
-    return used ? weighed_quantile(g->scratch, used, OFFSET_QUANTILE) : 0;
+    for (int32_t f = 0; f < judge->count; f++)
+        if (!isnan(judge->s.degrees[f]))
+            judge->scratch[used++] = (struct weighed){judge->s.degrees[f], judge->s.fresh[f]};
+    return used ? weighed_quantile(judge->scratch, used, OFFSET_QUANTILE) : 0;
 }
 
-static void fill_frame(struct judge *g, int32_t f)
+static void fill_frame(struct judge *judge, int32_t f)
 {
-    const struct comparison *c = g->c;
-    struct series *s = &g->s;
+    const struct comparison *c = judge->c;
+    struct series *s = &judge->s;
     const struct body_joint *j = s->joint;
     double d[3] = {0}, sigma = 0;
     s->degrees[f] = s->sigma[f] = s->angle_a[f] = s->angle_b[f] = NAN;
     memset(s->difference[f], 0, sizeof s->difference[f]);
     if (isnan(c->timeline.reference[f]))
         return;
-    const double shift = j->limb >= 0 ? g->limb[j->limb][f].frames : 0;
+    const double shift = j->limb >= 0 ? judge->limb[j->limb][f].frames : 0;
     const struct movement_frame x = movement_at(&c->a, c->timeline.reference[f] + shift);
     if (!joint_difference(&x, &c->judged.frames[f], j, d, &sigma))
         return;
@@ -537,35 +559,35 @@ static void fill_frame(struct judge *g, int32_t f)
     s->weight[f] = (float)weight_of(s, f);
 }
 
-static int32_t end_of_share(const struct judge *g, int share)
+static int32_t end_of_share(const struct judge *judge, int share)
 {
-    return g->count - share * FRAMES_AT_ONCE < FRAMES_AT_ONCE ? g->count : (share + 1) * FRAMES_AT_ONCE;
+    return judge->count - share * FRAMES_AT_ONCE < FRAMES_AT_ONCE ? judge->count : (share + 1) * FRAMES_AT_ONCE;
 }
 
 static void fill_share(void *context, int share)
 {
-    struct judge *g = context;
-    for (int32_t f = share * FRAMES_AT_ONCE; f < end_of_share(g, share); f++)
-        fill_frame(g, f);
+    struct judge *judge = context;
+    for (int32_t f = share * FRAMES_AT_ONCE; f < end_of_share(judge, share); f++)
+        fill_frame(judge, f);
 }
 
 // The window begins anew with each share; its quantiles do not depend on what it held before.
 static void smooth_share(void *context, int share)
 {
-    struct judge *g = context;
+    struct judge *judge = context;
     struct smoothing window = {.first = 0};
-    for (int32_t f = share * FRAMES_AT_ONCE; f < end_of_share(g, share); f++)
-        if (!isnan(g->s.sigma[f]))
-            g->s.degrees[f] = smoothed_degrees(&g->s, g->count, f, &window);
+    for (int32_t f = share * FRAMES_AT_ONCE; f < end_of_share(judge, share); f++)
+        if (!isnan(judge->s.sigma[f]))
+            judge->s.degrees[f] = smoothed_degrees(&judge->s, judge->count, f, &window);
 }
 
-static void fill(struct judge *g, const struct body_joint *j)
+static void fill_series(struct judge *judge, const struct body_joint *joint)
 {
-    const int shares = (int)((g->count + FRAMES_AT_ONCE - 1) / FRAMES_AT_ONCE);
-    g->s.joint = j;
-    parallel_for(THREADS, shares, fill_share, g);
-    parallel_for(THREADS, shares, smooth_share, g);
-    g->s.offset = offset_degrees(g);
+    const int shares = (int)((judge->count + FRAMES_AT_ONCE - 1) / FRAMES_AT_ONCE);
+    judge->s.joint = joint;
+    parallel_for(THREADS, shares, fill_share, judge);
+    parallel_for(THREADS, shares, smooth_share, judge);
+    judge->s.offset = offset_degrees(judge);
 }
 
 // ------------------------------------------------------------- posture
@@ -577,31 +599,31 @@ struct wrong {
 
 // The degrees below which a share of the frames are, by weight; UPPER_SHARE for the size: it is wrong less where it
 // begins and ends, and a tracker's mistakes are more but short. NaN: nothing known.
-static double level_of(const struct series *s, int32_t first, int32_t end, double share, struct weighed *scratch)
+static double level_of(const struct series *series, int32_t first, int32_t end, double share, struct weighed *scratch)
 {
     int32_t count = 0;
     for (int32_t f = first; f < end; f++)
-        if (!isnan(s->degrees[f]))
-            scratch[count++] = (struct weighed){s->degrees[f], (float)weight_of(s, f)};
+        if (!isnan(series->degrees[f]))
+            scratch[count++] = (struct weighed){series->degrees[f], (float)weight_of(series, f)};
     return weighed_quantile(scratch, count, share);
 }
 
 // The weighted mean over the frames about that level.
-static struct wrong measure(const struct series *s, int32_t first, int32_t end, struct weighed *scratch)
+static struct wrong measure_deviation(const struct series *series, int32_t first, int32_t end, struct weighed *scratch)
 {
     struct wrong w = {0};
-    const double level = level_of(s, first, end, UPPER_SHARE, scratch);
+    const double level = level_of(series, first, end, UPPER_SHARE, scratch);
     double used = 0;
     for (int32_t f = first; f < end; f++) {
-        if (isnan(s->degrees[f]) || isnan(s->angle_a[f]) || isnan(s->angle_b[f]) ||
-            fabs(s->degrees[f] - level) > 0.3 * level)
+        if (isnan(series->degrees[f]) || isnan(series->angle_a[f]) || isnan(series->angle_b[f]) ||
+            fabs(series->degrees[f] - level) > 0.3 * level)
             continue;
-        const double weight = weight_of(s, f);
-        w.degrees += weight * s->degrees[f];
-        w.sigma += weight * s->sigma[f];
-        w.angle_degrees += weight * ((double)s->angle_b[f] - s->angle_a[f]) * RAD;
+        const double weight = weight_of(series, f);
+        w.degrees += weight * series->degrees[f];
+        w.sigma += weight * series->sigma[f];
+        w.angle_degrees += weight * ((double)series->angle_b[f] - series->angle_a[f]) * RAD;
         for (int k = 0; k < 3; k++)
-            w.difference[k] += weight * s->difference[f][k];
+            w.difference[k] += weight * series->difference[f][k];
         used += weight;
     }
     for (int k = 0; k < 3 && used > 0; k++)
@@ -612,9 +634,9 @@ static struct wrong measure(const struct series *s, int32_t first, int32_t end, 
     return w;
 }
 
-static const char *direction_word(const struct judge *g, const double d[3])
+static const char *direction_word(const struct judge *judge, const double d[3])
 {
-    const double x = g->c->mirrored ? -d[0] : d[0];
+    const double x = judge->c->mirrored ? -d[0] : d[0];
     if (fabs(d[2]) >= fabs(d[0]) && fabs(d[2]) >= fabs(d[1]))
         return d[2] > 0 ? "further up" : "further down";
     if (fabs(d[1]) >= fabs(d[0]))
@@ -623,74 +645,74 @@ static const char *direction_word(const struct judge *g, const double d[3])
 }
 
 // The sentence without its times; *amount is signed where an angle is named.
-static void say_posture(const struct judge *g, const struct wrong *w, double *amount, char *text, size_t size)
+static void say_posture(const struct judge *judge, const struct wrong *wrong, double *amount, char *text, size_t size)
 {
-    const struct body_joint *j = g->s.joint;
-    const bool named = fabs(w->angle_degrees) >= 0.6 * w->degrees;
-    const double degrees = named ? fabs(w->angle_degrees) : w->degrees;
-    const char *side = side_word(g, j->part), *where = direction_word(g, w->difference);
-    const bool more = w->angle_degrees > 0;
+    const struct body_joint *j = judge->s.joint;
+    const bool named = fabs(wrong->angle_degrees) >= 0.6 * wrong->degrees;
+    const double degrees = named ? fabs(wrong->angle_degrees) : wrong->degrees;
+    const char *side = side_word(judge, j->part), *where = direction_word(judge, wrong->difference);
+    const bool more = wrong->angle_degrees > 0;
     const char *forwards = more ? "further forwards" : "further back", *upwards = more ? "higher" : "lower";
-    *amount = named ? w->angle_degrees : w->degrees;
+    *amount = named ? wrong->angle_degrees : wrong->degrees;
     if (j->part == PART_UPPER_TORSO)
         snprintf(text, size, "Trunk leans %.0f° %s", degrees, named ? forwards : where);
     else if (j->part == PART_HEAD)
-        snprintf(text, size, "Head %.0f° %s", w->degrees, where);
+        snprintf(text, size, "Head %.0f° %s", wrong->degrees, where);
     else if (j->carrier == CARRIER_PART && named)
         snprintf(text, size, "%s %s %.0f° %s bent", side, j->limb < 2 ? "elbow" : "knee", degrees,
                  more ? "more" : "less");
     else if (j->carrier == CARRIER_PART)
-        snprintf(text, size, "%s %s %.0f° %s", side, j->limb < 2 ? "forearm" : "shin", w->degrees, where);
+        snprintf(text, size, "%s %s %.0f° %s", side, j->limb < 2 ? "forearm" : "shin", wrong->degrees, where);
     else if (j->limb < 2)
         snprintf(text, size, "%s upper arm %.0f° %s", side, degrees, named ? upwards : where);
     else
-        snprintf(text, size, "%s thigh %.0f° %s", side, w->degrees, where);
+        snprintf(text, size, "%s thigh %.0f° %s", side, wrong->degrees, where);
     if (j->part == PART_HEAD || (j->part != PART_UPPER_TORSO && j->limb >= 2 && j->carrier != CARRIER_PART))
-        *amount = w->degrees;
+        *amount = wrong->degrees;
 }
 
-static enum status add_posture(struct judge *g, int32_t first, int32_t end)
+static enum status add_posture(struct judge *judge, int32_t first, int32_t end)
 {
-    const struct wrong w = measure(&g->s, first, end, g->scratch);
+    const struct wrong w = measure_deviation(&judge->s, first, end, judge->scratch);
     struct finding f = {.kind = FINDING_POSTURE,
-                        .part = own_part(g, g->s.joint->part),
+                        .part = own_part(judge, judge->s.joint->part),
                         .from_s = at_seconds(first),
                         .to_s = at_seconds(end),
                         .unit = "deg"};
-    say_posture(g, &w, &f.amount, f.sentence, sizeof f.sentence);
+    say_posture(judge, &w, &f.amount, f.sentence, sizeof f.sentence);
     // By how much it counts: what may be the joints' own error counts less.
     const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
-    f.weight = sure * (w.degrees - OFFSET_SHARE * g->s.offset) * fmin(1.5, sqrt(f.to_s - f.from_s)) *
-               (g->s.joint->part == PART_HEAD ? 0.6 : 1);
-    const bool mostly = level_of(&g->s, first, end, 0.5, g->scratch) >= BEGIN_DEGREES;
-    return w.degrees < BEGIN_DEGREES || !mostly ? OK : finding_add(g->c, &f, true);
+    f.weight = sure * (w.degrees - OFFSET_SHARE * judge->s.offset) * fmin(1.5, sqrt(f.to_s - f.from_s)) *
+               (judge->s.joint->part == PART_HEAD ? 0.6 : 1);
+    const bool mostly = level_of(&judge->s, first, end, 0.5, judge->scratch) >= BEGIN_DEGREES;
+    return w.degrees < BEGIN_DEGREES || !mostly ? OK : finding_add(judge->c, &f, true);
 }
 
-static bool begins(const struct series *s, int32_t f)
+static bool is_finding_begin(const struct series *series, int32_t f)
 {
     // The head is short and trackers know it badly.
-    const double share = s->joint->part == PART_HEAD ? 2 * SIGMA_SHARE : SIGMA_SHARE;
-    return s->degrees[f] >= BEGIN_DEGREES + share * s->sigma[f]; // false for NaN
+    const double share = series->joint->part == PART_HEAD ? 2 * SIGMA_SHARE : SIGMA_SHARE;
+    return series->degrees[f] >= BEGIN_DEGREES + share * series->sigma[f]; // false for NaN
 }
 
-static enum status scan_posture(struct judge *g)
+static enum status scan_posture(struct judge *judge)
 {
-    const struct series *s = &g->s;
+    const struct series *s = &judge->s;
     enum status status = OK;
-    for (int32_t f = 0; f < g->count && status == OK; f++) {
-        if (!begins(s, f))
+    for (int32_t f = 0; f < judge->count && status == OK; f++) {
+        if (!is_finding_begin(s, f))
             continue;
         int32_t first = f, end = f + 1;
         double frames = s->fresh[f];
         while (first > 0 && s->degrees[first - 1] >= STAY_DEGREES) // false for NaN
             first--;
-        for (int32_t k = end; k < g->count && k < end + MOST_GAP; k++)
+        for (int32_t k = end; k < judge->count && k < end + MAX_GAP; k++)
             if (s->degrees[k] >= STAY_DEGREES) {
                 end = k + 1;
-                frames += begins(s, k) ? s->fresh[k] : 0;
+                frames += is_finding_begin(s, k) ? s->fresh[k] : 0;
             }
-        if (frames >= LEAST_FRAMES)
-            status = add_posture(g, first, end);
+        if (frames >= MIN_FRAMES)
+            status = add_posture(judge, first, end);
         f = end;
     }
     return status;
@@ -700,18 +722,18 @@ static enum status scan_posture(struct judge *g)
 
 // Does B's angle follow A's with another gain? Least squares B = gain A + offset against B = A + offset. Or does it
 // follow A's all the way, but for what the alignment had to leap over?
-static bool gain_explains(const struct series *s, int32_t count, double range_difference)
+static bool gain_explains(const struct series *series, int32_t count, double range_difference)
 {
     double n = 0, a = 0, b = 0, aa = 0, ab = 0, bb = 0;
     for (int32_t f = 0; f < count; f++) {
-        if (isnan(s->angle_a[f]) || isnan(s->angle_b[f]))
+        if (isnan(series->angle_a[f]) || isnan(series->angle_b[f]))
             continue;
         n++;
-        a += s->angle_a[f];
-        b += s->angle_b[f];
-        aa += (double)s->angle_a[f] * s->angle_a[f];
-        ab += (double)s->angle_a[f] * s->angle_b[f];
-        bb += (double)s->angle_b[f] * s->angle_b[f];
+        a += series->angle_a[f];
+        b += series->angle_b[f];
+        aa += (double)series->angle_a[f] * series->angle_a[f];
+        ab += (double)series->angle_a[f] * series->angle_b[f];
+        bb += (double)series->angle_b[f] * series->angle_b[f];
     }
     if (n < 15)
         return false;
@@ -723,12 +745,12 @@ static bool gain_explains(const struct series *s, int32_t count, double range_di
 }
 
 // Of the joint's difference, mean over the frames that know it; degrees.
-static double mean_sigma(const struct series *s, int32_t count)
+static double mean_sigma(const struct series *series, int32_t count)
 {
     double sum = 0, used = 0;
     for (int32_t f = 0; f < count; f++)
-        if (!isnan(s->sigma[f])) {
-            sum += s->sigma[f];
+        if (!isnan(series->sigma[f])) {
+            sum += series->sigma[f];
             used++;
         }
     return used > 0 ? sum / used : 0;
@@ -736,13 +758,13 @@ static double mean_sigma(const struct series *s, int32_t count)
 
 // What an angle goes through over first..end - 1 when its medians are looked at, degrees: what a tracker's short
 // mistakes add is not in it.
-static double held_range(const struct movement *m, enum body_angle angle, int32_t first, int32_t end)
+static double held_range(const struct movement *movement, enum body_angle angle, int32_t first, int32_t end)
 {
     double low = INFINITY, high = -INFINITY;
     struct sliding_quantile window = {.count = 0};
     for (int32_t f = first, ahead = first; f < end; f++) {
         for (; ahead <= f + SMOOTH_HALF && ahead < end; ahead++) {
-            const float rad = body_angle_of(&m->frames[ahead], angle);
+            const float rad = body_angle_of(&movement->frames[ahead], angle);
             if (!isnan(rad))
                 sliding_add(&window, ahead, rad, 1);
         }
@@ -754,72 +776,72 @@ static double held_range(const struct movement *m, enum body_angle angle, int32_
     return high > low ? (high - low) * RAD : 0;
 }
 
-static bool held_less(const struct judge *g, double by_degrees)
+static bool held_less(const struct judge *judge, double by_degrees)
 {
-    const struct pace *p = &g->c->pace;
-    const enum body_angle angle = g->s.joint->angle;
-    return 2 * (held_range(&g->c->a, angle, p->a_first, p->a_end) -
-                held_range(&g->c->judged, angle, p->b_first, p->b_end)) >=
+    const struct pace *p = &judge->c->pace;
+    const enum body_angle angle = judge->s.joint->angle;
+    return 2 * (held_range(&judge->c->a, angle, p->a_first, p->a_end) -
+                held_range(&judge->c->judged, angle, p->b_first, p->b_end)) >=
            by_degrees;
 }
 
-static enum status scan_range(struct judge *g, bool *found)
+static enum status scan_range(struct judge *judge, bool *found)
 {
-    const struct body_joint *j = g->s.joint;
-    const struct angle_range *a = &g->c->range_a[j->angle], *b = &g->c->range_b[j->angle];
+    const struct body_joint *j = judge->s.joint;
+    const struct angle_range *a = &judge->c->range_a[j->angle], *b = &judge->c->range_b[j->angle];
     const double range_a = ((double)a->high - a->low) * RAD, range_b = ((double)b->high - b->low) * RAD;
     *found = false;
     if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
-        range_a - range_b < fmax(12 + SIGMA_SHARE * mean_sigma(&g->s, g->count),
+        range_a - range_b < fmax(12 + SIGMA_SHARE * mean_sigma(&judge->s, judge->count),
                                  0.2 * range_a) || // going too far is posture: it has a place and a time
-        !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD) ||
-        !held_less(g, range_a - range_b))
+        !gain_explains(&judge->s, judge->count, fabs(range_b - range_a) / RAD) ||
+        !held_less(judge, range_a - range_b))
         return OK;
     static const char *const names[2][2] = {{"upper arm", "elbow"}, {"hip", "knee"}};
     const char *name = names[j->limb >= 2][j->carrier == CARRIER_PART];
     struct finding f = {FINDING_RANGE,
-                        own_part(g, j->part),
-                        at_seconds(g->c->pace.b_first),
-                        at_seconds(g->c->pace.b_end),
+                        own_part(judge, j->part),
+                        at_seconds(judge->c->pace.b_first),
+                        at_seconds(judge->c->pace.b_end),
                         range_b - range_a,
                         "deg",
                         fabs(range_b - range_a),
                         ""};
     snprintf(f.sentence, sizeof f.sentence, "%s %s goes through %.0f° %s: %.0f° instead of %.0f°",
-             side_word(g, j->part), name, fabs(range_b - range_a), range_b < range_a ? "less" : "more", range_b,
+             side_word(judge, j->part), name, fabs(range_b - range_a), range_b < range_a ? "less" : "more", range_b,
              range_a);
     *found = true;
-    return finding_add(g->c, &f, false);
+    return finding_add(judge->c, &f, false);
 }
 
 // ------------------------------------------------------------- a limb's time
 
-static enum status scan_late(struct judge *g, int limb)
+static enum status scan_late(struct judge *judge, int limb)
 {
     static const char *const names[2] = {"arm", "leg"};
     static const enum part parts[LIMBS] = {PART_LEFT_UPPER_ARM, PART_RIGHT_UPPER_ARM, PART_LEFT_THIGH,
                                            PART_RIGHT_THIGH};
-    const struct limb_shift *of = g->limb[limb];
+    const struct limb_shift *of = judge->limb[limb];
     enum status status = OK;
-    for (int32_t f = 0; f < g->count && status == OK; f++) {
+    for (int32_t f = 0; f < judge->count && status == OK; f++) {
         int32_t end = f;
         double sum = 0;
-        for (; end < g->count && of[end].late && (of[end].frames < 0) == (of[f].frames < 0); end++)
+        for (; end < judge->count && of[end].late && (of[end].frames < 0) == (of[f].frames < 0); end++)
             sum += of[end].frames;
-        if (end - f >= LEAST_LATE) {
+        if (end - f >= MIN_LATE) {
             // Negative: the limb shows an earlier instant of A, so it is late.
             const double late_s = -sum / (end - f) / MOVEMENT_RATE_HZ;
             struct finding x = {FINDING_TIMING,
-                                own_part(g, parts[limb]),
+                                own_part(judge, parts[limb]),
                                 at_seconds(f),
                                 at_seconds(end),
                                 late_s,
                                 "s",
                                 80 * fabs(late_s),
                                 ""};
-            snprintf(x.sentence, sizeof x.sentence, "%s %s %.1f s %s", side_word(g, parts[limb]), names[limb >= 2],
+            snprintf(x.sentence, sizeof x.sentence, "%s %s %.1f s %s", side_word(judge, parts[limb]), names[limb >= 2],
                      fabs(late_s), late_s > 0 ? "late" : "early");
-            status = finding_add(g->c, &x, true);
+            status = finding_add(judge->c, &x, true);
         }
         f = end > f ? end - 1 : f;
     }
@@ -828,61 +850,61 @@ static enum status scan_late(struct judge *g, int limb)
 
 // ------------------------------------------------------------- all
 
-static bool open(struct judge *g, struct comparison *c)
+static bool open_judge(struct judge *judge, struct comparison *comparison)
 {
-    const size_t n = (size_t)c->judged.count;
-    *g = (struct judge){.c = c, .count = c->judged.count};
-    g->scratch = malloc(2 * n * sizeof *g->scratch);
-    g->s.difference = malloc(n * sizeof *g->s.difference);
-    g->s.degrees = malloc(n * sizeof *g->s.degrees);
-    g->s.sigma = malloc(n * sizeof *g->s.sigma);
-    g->s.angle_a = malloc(n * sizeof *g->s.angle_a);
-    g->s.angle_b = malloc(n * sizeof *g->s.angle_b);
-    g->s.fresh = malloc(n * sizeof *g->s.fresh);
-    g->s.weight = malloc(n * sizeof *g->s.weight);
-    bool have = g->scratch && g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b &&
-                g->s.fresh && g->s.weight;
+    const size_t n = (size_t)comparison->judged.count;
+    *judge = (struct judge){.c = comparison, .count = comparison->judged.count};
+    judge->scratch = malloc(2 * n * sizeof *judge->scratch);
+    judge->s.difference = malloc(n * sizeof *judge->s.difference);
+    judge->s.degrees = malloc(n * sizeof *judge->s.degrees);
+    judge->s.sigma = malloc(n * sizeof *judge->s.sigma);
+    judge->s.angle_a = malloc(n * sizeof *judge->s.angle_a);
+    judge->s.angle_b = malloc(n * sizeof *judge->s.angle_b);
+    judge->s.fresh = malloc(n * sizeof *judge->s.fresh);
+    judge->s.weight = malloc(n * sizeof *judge->s.weight);
+    bool have = judge->scratch && judge->s.difference && judge->s.degrees && judge->s.sigma && judge->s.angle_a &&
+                judge->s.angle_b && judge->s.fresh && judge->s.weight;
     for (int k = 0; k < LIMBS; k++) {
-        g->limb[k] = malloc(n * sizeof *g->limb[k]);
-        have = have && g->limb[k];
+        judge->limb[k] = malloc(n * sizeof *judge->limb[k]);
+        have = have && judge->limb[k];
     }
     return have;
 }
 
-static void close(struct judge *g)
+static void close_judge(struct judge *judge)
 {
-    free(g->scratch);
-    free(g->s.difference);
-    free(g->s.degrees);
-    free(g->s.sigma);
-    free(g->s.angle_a);
-    free(g->s.angle_b);
-    free(g->s.fresh);
-    free(g->s.weight);
+    free(judge->scratch);
+    free(judge->s.difference);
+    free(judge->s.degrees);
+    free(judge->s.sigma);
+    free(judge->s.angle_a);
+    free(judge->s.angle_b);
+    free(judge->s.fresh);
+    free(judge->s.weight);
     for (int k = 0; k < LIMBS; k++) {
-        free(g->limb[k]);
+        free(judge->limb[k]);
     }
 }
 
 // posture, range and a limb's timing
-static enum status find_postures(struct comparison *c)
+static enum status find_postures(struct comparison *comparison)
 {
     struct judge g;
-    enum status status = open(&g, c) ? OK : fail(ERR_MEMORY, "no memory for the findings");
+    enum status status = open_judge(&g, comparison) ? OK : fail(ERR_MEMORY, "no memory for the findings");
     if (status == OK)
         fill_fresh(&g);
     if (status == OK)
-        status = limb_shifts(&c->a, &c->judged, &c->timeline, g.limb);
+        status = limb_shifts(&comparison->a, &comparison->judged, &comparison->timeline, g.limb);
     for (int limb = 0; limb < LIMBS && status == OK; limb++)
         status = scan_late(&g, limb);
     for (int k = 0; k < BODY_JOINTS && status == OK; k++) {
         bool range = false;
-        fill(&g, &body_joints[k]);
+        fill_series(&g, &body_joints[k]);
         status = scan_range(&g, &range);
         if (status == OK && !range)
             status = scan_posture(&g);
     }
-    close(&g);
+    close_judge(&g);
     return status;
 }
 
@@ -890,13 +912,13 @@ static enum status find_postures(struct comparison *c)
 
 // The list of findings, and its words.
 
-const char *finding_kind_name(enum finding_kind k)
+const char *finding_kind_name(enum finding_kind kind)
 {
     static const char *const kind_names[] = {"posture", "range", "timing", "missing", "extra", "mirrored"};
-    return kind_names[k];
+    return kind_names[kind];
 }
 
-const char *part_name(enum part p)
+const char *part_name(enum part part)
 {
     static const char *const kind_names[PART_COUNT] = {
         [PART_HEAD] = "head",
@@ -911,21 +933,22 @@ const char *part_name(enum part p)
         [PART_RIGHT_THIGH] = "right_thigh",
         [PART_RIGHT_SHIN] = "right_shin",
     };
-    return kind_names[p];
+    return kind_names[part];
 }
 
 // Appends; times in frames. `sentence` without its times, which are added where `timed`. ERR_MEMORY.
-static enum status finding_add(struct comparison *c, const struct finding *f, bool timed)
+static enum status finding_add(struct comparison *comparison, const struct finding *finding, bool timed)
 {
-    struct finding *more = realloc(c->findings, (size_t)(c->finding_count + 1) * sizeof *more);
+    struct finding *more = realloc(comparison->findings, (size_t)(comparison->finding_count + 1) * sizeof *more);
     if (!more)
         return fail(ERR_MEMORY, "no memory for the findings");
-    c->findings = more;
-    more += c->finding_count++;
-    *more = *f;
+    comparison->findings = more;
+    more += comparison->finding_count++;
+    *more = *finding;
     if (timed) {
         const size_t used = strlen(more->sentence);
-        snprintf(more->sentence + used, sizeof more->sentence - used, ", from %.1f s to %.1f s", f->from_s, f->to_s);
+        snprintf(more->sentence + used, sizeof more->sentence - used, ", from %.1f s to %.1f s", finding->from_s,
+                 finding->to_s);
     }
     return OK;
 }
@@ -934,10 +957,10 @@ static enum status finding_add(struct comparison *c, const struct finding *f, bo
 
 static int worst_first(const void *a, const void *b)
 {
-    const struct finding *x = a, *y = b;
-    if (x->weight != y->weight)
-        return x->weight < y->weight ? 1 : -1;
-    return (x->from_s > y->from_s) - (x->from_s < y->from_s);
+    const struct finding *finding = a, *y = b;
+    if (finding->weight != y->weight)
+        return finding->weight < y->weight ? 1 : -1;
+    return (finding->from_s > y->from_s) - (finding->from_s < y->from_s);
 }
 
 enum status findings_make(struct comparison *c)

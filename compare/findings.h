@@ -21,17 +21,17 @@
 // "could not be judged: the knees are not in the attempt; the head is hardly ever in the reference". "": all parts
 // were.
 enum { NOT_JUDGED_BYTES = 600 };
-const char *not_judged_text(const struct comparison *c, char out[NOT_JUDGED_BYTES]);
+const char *not_judged_text(const struct comparison *comparison, char out[NOT_JUDGED_BYTES]);
 
 // ---------------------------------------------------------------- findings
 
-const char *finding_kind_name(enum finding_kind k);
-const char *part_name(enum part p); // "left_forearm"
-int part_by_name(const char *name); // -1: no part's name, as "body"
+const char *finding_kind_name(enum finding_kind kind);
+const char *part_name(enum part part); // "left_forearm"
+int part_by_name(const char *name);    // -1: no part's name, as "body"
 // The part of the reference that the attempt's own is judged against: another one where it was mirrored. -1: -1.
-int judged_part(const struct comparison *c, int part);
+int judged_part(const struct comparison *comparison, int part);
 // The instant of the attempt, s, at which the finding's part differs most; the finding's middle where it names none.
-double finding_worst_s(const struct comparison *c, const struct finding *f);
+double finding_worst_s(const struct comparison *comparison, const struct finding *finding);
 
 // Fills c->findings from the rest of *c. ERR_MEMORY.
 MUST_CHECK enum status findings_make(struct comparison *c);

@@ -25,29 +25,29 @@ static const struct exchange exchanges[] = {
     {{JOINT_LEFT_KNEE, JOINT_LEFT_FOOT}, {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}, 2},
 };
 
-static void apply(struct joint_sample *s, const struct exchange *e)
+static void exchange_sides(struct joint_sample *sample, const struct exchange *exchange)
 {
-    for (int k = 0; k < e->count; k++) {
-        const enum joint l = e->left[k], r = e->right[k];
-        const struct vec3 joint = s->skeleton.joint[l];
-        const float confidence = s->skeleton.confidence[l], sigma = s->sigma_m[l];
-        s->skeleton.joint[l] = s->skeleton.joint[r];
-        s->skeleton.confidence[l] = s->skeleton.confidence[r];
-        s->sigma_m[l] = s->sigma_m[r];
-        s->skeleton.joint[r] = joint;
-        s->skeleton.confidence[r] = confidence;
-        s->sigma_m[r] = sigma;
+    for (int k = 0; k < exchange->count; k++) {
+        const enum joint l = exchange->left[k], r = exchange->right[k];
+        const struct vec3 joint = sample->skeleton.joint[l];
+        const float confidence = sample->skeleton.confidence[l], sigma = sample->sigma_m[l];
+        sample->skeleton.joint[l] = sample->skeleton.joint[r];
+        sample->skeleton.confidence[l] = sample->skeleton.confidence[r];
+        sample->sigma_m[l] = sample->sigma_m[r];
+        sample->skeleton.joint[r] = joint;
+        sample->skeleton.confidence[r] = confidence;
+        sample->sigma_m[r] = sigma;
     }
 }
 
 // How far the joints go from one frame to the next, m, under the same naming and under exchanged ones. The two are
 // equal where a joint is unknown.
-static void ways(const struct joint_sample *from, const struct joint_sample *to, const struct exchange *e,
-                 double way[2])
+static void measure_paths(const struct joint_sample *from, const struct joint_sample *to,
+                          const struct exchange *exchange, double way[2])
 {
     way[0] = way[1] = 0;
-    for (int k = 0; k < e->count; k++) {
-        const enum joint l = e->left[k], r = e->right[k];
+    for (int k = 0; k < exchange->count; k++) {
+        const enum joint l = exchange->left[k], r = exchange->right[k];
         const float *a = from->skeleton.confidence, *b = to->skeleton.confidence;
         if (!(a[l] > 0 && a[r] > 0 && b[l] > 0 && b[r] > 0))
             continue;
@@ -58,70 +58,70 @@ static void ways(const struct joint_sample *from, const struct joint_sample *to,
 }
 
 // An exchange is believed where it shortens the way by this, per joint: less than a pelvis' width, more than noise.
-#define LEAST_GAIN_M 0.06
+#define MIN_GAIN_M 0.06
 
-static int64_t mend(struct joint_samples *s, const struct exchange *e, uint8_t *exchanged)
+static int64_t correct_swapped_sides(struct joint_samples *samples, const struct exchange *exchange, uint8_t *exchanged)
 {
     int64_t changes = 0, count = 0;
     exchanged[0] = 0;
-    for (int64_t i = 1; i < s->count; i++) {
+    for (int64_t i = 1; i < samples->count; i++) {
         double way[2];
-        ways(&s->at[i - 1], &s->at[i], e, way);
-        const bool swap = s->at[i].time_ns - s->at[i - 1].time_ns < 200000000 &&
-                          way[0] - way[1] > LEAST_GAIN_M * 2 * e->count && way[1] < 0.6 * way[0];
+        measure_paths(&samples->at[i - 1], &samples->at[i], exchange, way);
+        const bool swap = samples->at[i].time_ns - samples->at[i - 1].time_ns < 200000000 &&
+                          way[0] - way[1] > MIN_GAIN_M * 2 * exchange->count && way[1] < 0.6 * way[0];
         exchanged[i] = exchanged[i - 1] ^ swap;
         changes += swap;
         count += exchanged[i];
     }
     // A jump for good is a person who turned in a gap, or a tracker that lost them: then the majority is no guide.
-    if (!changes || 5 * (2 * count > s->count ? s->count - count : count) > 2 * s->count)
+    if (!changes || 5 * (2 * count > samples->count ? samples->count - count : count) > 2 * samples->count)
         return 0;
-    const uint8_t wrong = 2 * count <= s->count;
+    const uint8_t wrong = 2 * count <= samples->count;
     int64_t changed = 0;
-    for (int64_t i = 0; i < s->count; i++)
+    for (int64_t i = 0; i < samples->count; i++)
         if (exchanged[i] == wrong) {
-            apply(&s->at[i], e);
+            exchange_sides(&samples->at[i], exchange);
             changed++;
         }
     return changed;
 }
 
-int64_t joint_samples_mend_sides(struct joint_samples *s)
+int64_t joint_samples_mend_sides(struct joint_samples *samples)
 {
-    uint8_t *exchanged = s->count > 1 ? malloc((size_t)s->count) : NULL;
+    uint8_t *exchanged = samples->count > 1 ? malloc((size_t)samples->count) : NULL;
     int64_t changed = 0;
     for (size_t i = 0; i < COUNT_OF(exchanges) && exchanged; i++)
-        changed += mend(s, &exchanges[i], exchanged);
+        changed += correct_swapped_sides(samples, &exchanges[i], exchanged);
     free(exchanged);
     return changed;
 }
 
 // ---------------------------------------------------------------- joint samples
 
-static const double MOST_TILT_RAD = 0.611; // 35 degrees: beyond, a person who lies would be set upright
+static const double MAX_TILT_RAD = 0.611; // 35 degrees: beyond, a person who lies would be set upright
 
-void joint_note(struct joint_notes *n, const char *format, ...)
+void joint_note(struct joint_notes *notes, const char *format, ...)
 {
     va_list arguments;
-    if (n->count == JOINT_NOTES_MOST)
+    if (notes->count == JOINT_NOTES_MAX)
         return;
     va_start(arguments, format);
-    vsnprintf(n->line[n->count++], JOINT_NOTE_BYTES, format, arguments);
+    vsnprintf(notes->line[notes->count++], JOINT_NOTE_BYTES, format, arguments);
     va_end(arguments);
 }
 
-void joint_samples_free(struct joint_samples *s)
+void joint_samples_free(struct joint_samples *samples)
 {
-    free(s->at);
-    *s = (struct joint_samples){0};
+    free(samples->at);
+    *samples = (struct joint_samples){0};
 }
 
 float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.045f : 0.18f; }
 
-float sample_sigma_m(const struct skeleton *s, enum joint j)
+float sample_sigma_m(const struct skeleton *skeleton, enum joint joint)
 {
-    const double sigma_m = joint_sigma_m(s, j);
-    return sigma_m > 0 ? (float)sigma_m : default_sigma_m(s->confidence[j]);
+    const double sigma_m = joint_sigma_m(skeleton, joint);
+    return sigma_m > 0 ? (float)sigma_m : default_sigma_m(skeleton->confidence[joint]);
 }
 
 // Clocks count from anywhere: a result that no 64 bits hold is the farthest one that they do.
@@ -169,10 +169,10 @@ enum status joint_samples_add(struct joint_samples *s, const struct joint_sample
     return OK;
 }
 
-void joint_samples_start_at_zero(struct joint_samples *s)
+void joint_samples_start_at_zero(struct joint_samples *samples)
 {
-    for (int64_t i = s->count - 1; i >= 0; i--)
-        s->at[i].time_ns -= s->at[0].time_ns;
+    for (int64_t i = samples->count - 1; i >= 0; i--)
+        samples->at[i].time_ns -= samples->at[0].time_ns;
 }
 
 // ------------------------------------------------------------- takes
@@ -207,13 +207,14 @@ int64_t take_first_sample(const struct take *take)
 }
 
 // After joint_samples_level(): nobody stood upright, or a sensor was tilted by more than that can be told from lying.
-static void note_unknown_tilt(struct joint_samples *s)
+static void note_unknown_tilt(struct joint_samples *samples)
 {
     struct vec3 mean;
-    if (!joint_samples_standing(s, &mean) || v3_dot(mean, v3(0, -1, 0)) < portable_cos(MOST_TILT_RAD))
-        joint_note(&s->notes, "how its sensor was tilted is not known, without a place and with nobody who stands "
-                              "upright for a second; it is taken as held level, and where it was not, the score means "
-                              "little");
+    if (!joint_samples_standing(samples, &mean) || v3_dot(mean, v3(0, -1, 0)) < portable_cos(MAX_TILT_RAD))
+        joint_note(&samples->notes,
+                   "how its sensor was tilted is not known, without a place and with nobody who stands "
+                   "upright for a second; it is taken as held level, and where it was not, the score means "
+                   "little");
 }
 
 static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)
@@ -266,15 +267,15 @@ enum status joint_samples_read_take(const char *path, const char *name, struct j
 // ------------------------------------------------------------- gravity from standing
 
 // Longer ones are gaps.
-static const double MOST_STEP_S = 0.2;
+static const double MAX_STEP_S = 0.2;
 
-bool joint_samples_standing(const struct joint_samples *s, struct vec3 *mean)
+bool joint_samples_standing(const struct joint_samples *samples, struct vec3 *mean)
 {
     struct vec3 sum = {0, 0, 0}, axis;
     double seconds = 0;
-    for (int64_t i = 0; i + 1 < s->count; i++) {
-        const double step = (double)(s->at[i + 1].time_ns - s->at[i].time_ns) * 1e-9;
-        if (step > MOST_STEP_S || !skeleton_standing_axis(&s->at[i].skeleton, &axis))
+    for (int64_t i = 0; i + 1 < samples->count; i++) {
+        const double step = (double)(samples->at[i + 1].time_ns - samples->at[i].time_ns) * 1e-9;
+        if (step > MAX_STEP_S || !skeleton_standing_axis(&samples->at[i].skeleton, &axis))
             continue;
         sum = v3_add(sum, v3_scale(axis, step));
         seconds += step;
@@ -283,18 +284,18 @@ bool joint_samples_standing(const struct joint_samples *s, struct vec3 *mean)
     return seconds >= 1 && v3_length(*mean) > 0;
 }
 
-void joint_samples_level(struct joint_samples *s)
+void joint_samples_level(struct joint_samples *samples)
 {
     const struct vec3 up = v3(0, -1, 0);
     struct vec3 mean;
-    if (!joint_samples_standing(s, &mean))
+    if (!joint_samples_standing(samples, &mean))
         return;
     const double tilt = portable_acos(fmin(1, fmax(-1, v3_dot(mean, up))));
-    if (tilt < 0.0524 || tilt > MOST_TILT_RAD)
+    if (tilt < 0.0524 || tilt > MAX_TILT_RAD)
         return;
     const struct quat level = quat_between(mean, up);
-    for (int64_t i = 0; i < s->count; i++)
+    for (int64_t i = 0; i < samples->count; i++)
         for (int j = 0; j < JOINT_COUNT; j++)
-            s->at[i].skeleton.joint[j] = quat_rotate(level, s->at[i].skeleton.joint[j]);
-    s->tilt_rad = tilt;
+            samples->at[i].skeleton.joint[j] = quat_rotate(level, samples->at[i].skeleton.joint[j]);
+    samples->tilt_rad = tilt;
 }

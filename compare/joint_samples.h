@@ -13,12 +13,12 @@ struct joint_sample {
 };
 
 // What was found out of a file that does not say it, as sentences without the file's name.
-enum { JOINT_NOTES_MOST = 6, JOINT_NOTE_BYTES = 256 };
+enum { JOINT_NOTES_MAX = 6, JOINT_NOTE_BYTES = 256 };
 struct joint_notes {
     int count;
-    char line[JOINT_NOTES_MOST][JOINT_NOTE_BYTES];
+    char line[JOINT_NOTES_MAX][JOINT_NOTE_BYTES];
 };
-void joint_note(struct joint_notes *n, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void joint_note(struct joint_notes *notes, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 struct joint_samples {
     struct joint_sample *at; // malloc'ed; times rise strictly, the first is 0
@@ -30,18 +30,18 @@ struct joint_samples {
     double tilt_rad;   // by how much samples_level() turned them
     struct joint_notes notes;
 };
-void joint_samples_free(struct joint_samples *s); // zeroed is fine; leaves it zeroed
+void joint_samples_free(struct joint_samples *samples); // zeroed is fine; leaves it zeroed
 
 // Of a joint of this confidence where the source gives none: 45 mm where observed, 18 cm where inferred. By hand, as
 // wide as a take's covariances: what movement.h makes of it is a Kinect's noise.
 float default_sigma_m(float confidence);
 // Of a tracked joint: from its covariance, where there is none as default_sigma_m.
-float sample_sigma_m(const struct skeleton *s, enum joint j);
+float sample_sigma_m(const struct skeleton *skeleton, enum joint joint);
 
 // Appends one; time_ns in any clock. A sample that is up to a second earlier than the last one is dropped. A clock that
 // goes back further, or ahead by more than a minute, has jumped: the sample follows the last one after 33 ms.
 MUST_CHECK enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample);
-void joint_samples_start_at_zero(struct joint_samples *s); // times count from the first sample
+void joint_samples_start_at_zero(struct joint_samples *samples); // times count from the first sample
 
 // Reads a joints-csv file (formats/joints_csv.h), any line ends. Rows of one time are one sample; rows that
 // hold no finite number or an unknown joint's name are left out; a joint that is missing, empty or at 0, 0, 0 is
@@ -65,12 +65,12 @@ MUST_CHECK enum status joint_samples_read_take(const char *path, const char *nam
 // Exchanges left and right of arms, legs or all where a tracker confused them for some frames: wherever the way of the
 // joints to the next frame is much shorter under exchanged names, the names changed there; those that more frames had
 // stay. Where neither is in the clear majority nothing is changed. Returns how many frames were changed.
-int64_t joint_samples_mend_sides(struct joint_samples *s);
+int64_t joint_samples_mend_sides(struct joint_samples *samples);
 
 // The mean direction from the feet to the neck over the samples in which legs and trunk are straight, unit length.
 // False: there is less than a second of them.
-bool joint_samples_standing(const struct joint_samples *s, struct vec3 *mean);
+bool joint_samples_standing(const struct joint_samples *samples, struct vec3 *mean);
 
 // Rotates all samples about the level axes so that the person stands upright, on average over the frames in which legs
 // and trunk are straight; only where there is a second of them and the tilt is between 3 and 35 degrees.
-void joint_samples_level(struct joint_samples *s);
+void joint_samples_level(struct joint_samples *samples);

@@ -49,31 +49,32 @@ struct joint_units {
 // ---------------------------------------------------------------- joint rows
 
 // ERR_MEMORY
-static enum status joint_rows_add(struct joint_rows *r, const struct joint_row *row)
+static enum status joint_rows_add(struct joint_rows *rows, const struct joint_row *row)
 {
-    if (r->count == r->capacity) {
-        const int64_t capacity = r->capacity ? 2 * r->capacity : 4096;
-        struct joint_row *at = realloc(r->at, (size_t)capacity * sizeof *at);
+    if (rows->count == rows->capacity) {
+        const int64_t capacity = rows->capacity ? 2 * rows->capacity : 4096;
+        struct joint_row *at = realloc(rows->at, (size_t)capacity * sizeof *at);
         if (!at)
             return fail(ERR_MEMORY, "no memory for a movement's joints");
-        r->at = at;
-        r->capacity = capacity;
+        rows->at = at;
+        rows->capacity = capacity;
     }
-    r->at[r->count++] = *row;
+    rows->at[rows->count++] = *row;
     return OK;
 }
 
-static void joint_rows_free(struct joint_rows *r)
+static void joint_rows_free(struct joint_rows *rows)
 {
-    free(r->at);
-    *r = (struct joint_rows){0};
+    free(rows->at);
+    *rows = (struct joint_rows){0};
 }
 
 // The end of the rows that have the time of row `first` and follow it.
-static int64_t joint_rows_group(const struct joint_rows *r, int64_t first)
+static int64_t joint_rows_group(const struct joint_rows *rows, int64_t first)
 {
     int64_t end = first + 1;
-    while (end < r->count && !(r->at[end].time < r->at[first].time) && !(r->at[end].time > r->at[first].time))
+    while (end < rows->count && !(rows->at[end].time < rows->at[first].time) &&
+           !(rows->at[end].time > rows->at[first].time))
         end++;
     return end;
 }
@@ -82,36 +83,36 @@ static int64_t joint_rows_group(const struct joint_rows *r, int64_t first)
 
 static int by_time_and_joint(const void *a, const void *b)
 {
-    const struct joint_row *x = a, *y = b;
-    if (x->time < y->time || x->time > y->time)
-        return x->time < y->time ? -1 : 1;
-    return x->joint - y->joint;
+    const struct joint_row *row = a, *y = b;
+    if (row->time < y->time || row->time > y->time)
+        return row->time < y->time ? -1 : 1;
+    return row->joint - y->joint;
 }
 
 // Brings rows into the order of time where the file has another one (a joint after the other, backwards, shuffled).
 // Where the same joint comes twice at one time, or few steps go back, the clock has jumped instead: nothing is done.
-static enum status joint_rows_sort(struct joint_rows *r, struct joint_notes *notes)
+static enum status joint_rows_sort(struct joint_rows *rows, struct joint_notes *notes)
 {
     int64_t times = 0, back = 0, sorted_times = 0;
-    for (int64_t i = 0; i < r->count; i = joint_rows_group(r, i), times++)
-        back += i && r->at[i].time < r->at[i - 1].time;
+    for (int64_t i = 0; i < rows->count; i = joint_rows_group(rows, i), times++)
+        back += i && rows->at[i].time < rows->at[i - 1].time;
     if (!back)
         return OK;
-    const size_t bytes = (size_t)r->count * sizeof *r->at;
+    const size_t bytes = (size_t)rows->count * sizeof *rows->at;
     struct joint_row *sorted = malloc(bytes);
     if (!sorted)
         return fail(ERR_MEMORY, "no memory to sort a movement's joints");
-    memcpy(sorted, r->at, bytes);
-    qsort(sorted, (size_t)r->count, sizeof *sorted, by_time_and_joint);
+    memcpy(sorted, rows->at, bytes);
+    qsort(sorted, (size_t)rows->count, sizeof *sorted, by_time_and_joint);
     bool twice = false;
-    for (int64_t i = 0; i < r->count; i++) {
+    for (int64_t i = 0; i < rows->count; i++) {
         const bool same_time = i && !(sorted[i].time > sorted[i - 1].time);
         twice = twice || (same_time && sorted[i].joint == sorted[i - 1].joint);
         sorted_times += !same_time;
     }
     // Few steps back to times that are not the same again are a clock's. By hand: a quarter, a half.
     if (!twice && (4 * back > times || 2 * sorted_times <= times)) {
-        memcpy(r->at, sorted, bytes);
+        memcpy(rows->at, sorted, bytes);
         joint_note(notes, "the rows are not in the order of time; they were sorted");
     }
     free(sorted);
@@ -127,13 +128,13 @@ static bool is_zero(const struct joint_row *row)
 
 // Takes out joints at 0, 0, 0 exactly, as many programs write what they have not seen. A waist, or torso, that is there
 // at all times and alone is the origin of its file and stays.
-static void joint_rows_drop_zeros(struct joint_rows *r, struct joint_notes *notes)
+static void joint_rows_drop_zeros(struct joint_rows *rows, struct joint_notes *notes)
 {
     int64_t all[JOINT_COUNT] = {0}, zero[JOINT_COUNT] = {0}, dropped = 0, kept = 0, zeros = 0;
-    for (int64_t i = 0; i < r->count; i++) {
-        all[r->at[i].joint]++;
-        zero[r->at[i].joint] += is_zero(&r->at[i]);
-        zeros += is_zero(&r->at[i]);
+    for (int64_t i = 0; i < rows->count; i++) {
+        all[rows->at[i].joint]++;
+        zero[rows->at[i].joint] += is_zero(&rows->at[i]);
+        zeros += is_zero(&rows->at[i]);
     }
     int origin = -1;
     for (int j = JOINT_TORSO; j <= JOINT_WAIST; j++)
@@ -141,13 +142,13 @@ static void joint_rows_drop_zeros(struct joint_rows *r, struct joint_notes *note
             origin = j;
     if (origin >= 0)
         return;
-    for (int64_t i = 0; i < r->count; i++) {
-        if (is_zero(&r->at[i]))
+    for (int64_t i = 0; i < rows->count; i++) {
+        if (is_zero(&rows->at[i]))
             dropped++;
         else
-            r->at[kept++] = r->at[i];
+            rows->at[kept++] = rows->at[i];
     }
-    r->count = kept;
+    rows->count = kept;
     if (dropped)
         joint_note(notes, "%lld joints lie at 0, 0, 0 exactly; they were taken as not seen", (long long)dropped);
 }
@@ -158,7 +159,7 @@ static void joint_rows_drop_zeros(struct joint_rows *r, struct joint_notes *note
 
 // A grown person's bones, m, and height: by hand, of the man and the woman in tests/world. What is measured is only
 // which power of ten, or inches, and people are 0.5 to 2.6 m tall.
-static const double HEIGHT_M = 1.7, LEAST_HEIGHT_M = 0.5, MOST_HEIGHT_M = 2.6;
+static const double HEIGHT_M = 1.7, MIN_HEIGHT_M = 0.5, MAX_HEIGHT_M = 2.6;
 static const struct bone {
     enum joint from, to;
     double length_m;
@@ -175,23 +176,23 @@ struct body_at {
     bool known[JOINT_COUNT];
 };
 
-static struct body_at body_of(const struct joint_rows *r, int64_t first, int64_t end)
+static struct body_at body_of(const struct joint_rows *rows, int64_t first, int64_t end)
 {
     struct body_at b = {0};
     for (int64_t i = first; i < end; i++) {
-        b.place[r->at[i].joint] = r->at[i].place;
-        b.known[r->at[i].joint] = true;
+        b.place[rows->at[i].joint] = rows->at[i].place;
+        b.known[rows->at[i].joint] = true;
     }
     return b;
 }
 
 // As high as a grown person with bones of these lengths; 0: no bone is known.
-static double height_of(const struct body_at *b)
+static double height_of(const struct body_at *body_at)
 {
     double length = 0, usual = 0;
     for (size_t k = 0; k < COUNT_OF(bones); k++)
-        if (b->known[bones[k].from] && b->known[bones[k].to]) {
-            length += v3_distance(b->place[bones[k].from], b->place[bones[k].to]);
+        if (body_at->known[bones[k].from] && body_at->known[bones[k].to]) {
+            length += v3_distance(body_at->place[bones[k].from], body_at->place[bones[k].to]);
             usual += bones[k].length_m;
         }
     return usual > 0 ? HEIGHT_M * length / usual : 0;
@@ -200,11 +201,11 @@ static double height_of(const struct body_at *b)
 // The longest way of a joint between two instants.
 static double way_of(const struct body_at *a, const struct body_at *b)
 {
-    double most = 0;
+    double max = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
         if (a->known[j] && b->known[j])
-            most = fmax(most, v3_distance(a->place[j], b->place[j]));
-    return most;
+            max = fmax(max, v3_distance(a->place[j], b->place[j]));
+    return max;
 }
 
 // Medians over the instants, in the file's units; 0: not known.
@@ -220,7 +221,7 @@ static int compare_doubles(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static double median(double *values, int64_t count)
+static double find_median(double *values, int64_t count)
 {
     if (!count)
         return 0;
@@ -228,11 +229,11 @@ static double median(double *values, int64_t count)
     return values[count / 2];
 }
 
-static enum status measure(const struct joint_rows *r, struct medians *out)
+static enum status measure_medians(const struct joint_rows *rows, struct medians *out)
 {
     *out = (struct medians){.whole = true};
-    for (int64_t i = 0; i < r->count; i = joint_rows_group(r, i)) {
-        out->whole = out->whole && !(fabs(r->at[i].time - floor(r->at[i].time)) > 0);
+    for (int64_t i = 0; i < rows->count; i = joint_rows_group(rows, i)) {
+        out->whole = out->whole && !(fabs(rows->at[i].time - floor(rows->at[i].time)) > 0);
         out->times++;
     }
     double *height = malloc(3 * ((size_t)out->times + 1) * sizeof *height);
@@ -241,21 +242,21 @@ static enum status measure(const struct joint_rows *r, struct medians *out)
     double *step = height + out->times + 1, *way = step + out->times + 1;
     int64_t heights = 0, steps = 0;
     struct body_at before = {0};
-    for (int64_t i = 0, end; i < r->count; i = end) {
-        end = joint_rows_group(r, i);
-        const struct body_at b = body_of(r, i, end);
+    for (int64_t i = 0, end; i < rows->count; i = end) {
+        end = joint_rows_group(rows, i);
+        const struct body_at b = body_of(rows, i, end);
         const double h = height_of(&b);
         if (h > 0)
             height[heights++] = h;
-        if (i && r->at[i].time > r->at[i - 1].time) {
-            step[steps] = r->at[i].time - r->at[i - 1].time;
+        if (i && rows->at[i].time > rows->at[i - 1].time) {
+            step[steps] = rows->at[i].time - rows->at[i - 1].time;
             way[steps++] = way_of(&before, &b);
         }
         before = b;
     }
-    out->height = median(height, heights);
-    out->step = median(step, steps);
-    out->way = median(way, steps);
+    out->height = find_median(height, heights);
+    out->step = find_median(step, steps);
+    out->way = find_median(way, steps);
     free(height);
     return OK;
 }
@@ -266,14 +267,14 @@ static double metres_of(double height, struct joint_notes *notes)
         const char *name;
         double metres;
     } units[] = {{"millimetres", 0.001}, {"centimetres", 0.01}, {"inches", 0.0254}, {"feet", 0.3048}};
-    if (!(height > 0) || (height >= LEAST_HEIGHT_M && height <= MOST_HEIGHT_M))
+    if (!(height > 0) || (height >= MIN_HEIGHT_M && height <= MAX_HEIGHT_M))
         return 1;
     int best = -1;
-    double least = INFINITY;
+    double min = INFINITY;
     for (int k = 0; k < (int)COUNT_OF(units); k++) {
         const double m = height * units[k].metres, off = fabs(portable_log(m / HEIGHT_M));
-        if (m >= LEAST_HEIGHT_M && m <= MOST_HEIGHT_M && off < least) {
-            least = off;
+        if (m >= MIN_HEIGHT_M && m <= MAX_HEIGHT_M && off < min) {
+            min = off;
             best = k;
         }
     }
@@ -288,10 +289,10 @@ static double metres_of(double height, struct joint_notes *notes)
 
 // What movements can be compared at: movement.h bridges gaps up to a quarter of a second. By hand: below 500 Hz; a
 // joint that half of the time goes faster than a hand ever does is in another unit.
-static const double MOST_STEP_S = 0.2501, LEAST_STEP_S = 0.002, MOST_SPEED = 12;
+static const double MAX_STEP_S = 0.2501, MIN_STEP_S = 0.002, MAX_SPEED = 12;
 enum { FEW_TIMES = 3 };
 
-static enum status seconds_of(const struct medians *m, const char *path, struct joint_units *out,
+static enum status seconds_of(const struct medians *medians, const char *path, struct joint_units *out,
                               struct joint_notes *notes)
 {
     static const struct {
@@ -299,34 +300,34 @@ static enum status seconds_of(const struct medians *m, const char *path, struct 
         double seconds;
     } units[] = {{"milliseconds", 1e-3}, {"microseconds", 1e-6}, {"nanoseconds", 1e-9}};
     out->seconds = 1;
-    if (m->times < FEW_TIMES || (m->step <= MOST_STEP_S && m->step >= LEAST_STEP_S * 0.05))
+    if (medians->times < FEW_TIMES || (medians->step <= MAX_STEP_S && medians->step >= MIN_STEP_S * 0.05))
         return OK;
-    if (m->step < MOST_STEP_S)
+    if (medians->step < MAX_STEP_S)
         return fail(ERR_INPUT, "%s: its times are %.2g apart: they are no seconds; write seconds into the first column",
-                    path, m->step);
+                    path, medians->step);
     for (size_t k = 0; k < COUNT_OF(units); k++) {
-        const double step_s = m->step * units[k].seconds;
-        if (step_s < LEAST_STEP_S || step_s > MOST_STEP_S || m->way * out->metres > MOST_SPEED * step_s)
+        const double step_s = medians->step * units[k].seconds;
+        if (step_s < MIN_STEP_S || step_s > MAX_STEP_S || medians->way * out->metres > MAX_SPEED * step_s)
             continue;
-        joint_note(notes, "its times are %.4g apart: they were read as %s", m->step, units[k].name);
+        joint_note(notes, "its times are %.4g apart: they were read as %s", medians->step, units[k].name);
         out->seconds = units[k].seconds;
         return OK;
     }
-    if (m->whole)
+    if (medians->whole)
         return fail(ERR_INPUT,
                     "%s: its times are whole numbers, %.0f apart: if they number the frames, divide them by the frame "
                     "rate; if they are seconds, there are too few frames: at least 4 a second are needed",
-                    path, m->step);
+                    path, medians->step);
     return fail(ERR_INPUT, "%s has a frame every %.2g s only; at least 4 a second are needed, with times in seconds",
-                path, m->step);
+                path, medians->step);
 }
 
-static enum status joint_rows_units(const struct joint_rows *r, const char *path, struct joint_units *out,
+static enum status joint_rows_units(const struct joint_rows *rows, const char *path, struct joint_units *out,
                                     struct joint_notes *notes)
 {
     struct medians m;
     *out = (struct joint_units){1, 1};
-    enum status status = measure(r, &m);
+    enum status status = measure_medians(rows, &m);
     if (status != OK)
         return status;
     out->metres = metres_of(m.height, notes);
@@ -339,43 +340,46 @@ static enum status joint_rows_units(const struct joint_rows *r, const char *path
 // who sits leans by at most 25. Balance is within 6 degrees of up in all motions of tests/world. A share: a person who
 // turns somersaults is upright longer than not.
 static const double NEAR_CAMERA = 0.819, NEAR_AXIS = 0.906, NEAR_BALANCE = 0.978, NEAR_UP = 0.707;
-static const double UPRIGHT_SHARE = 0.6, LEAST_UPRIGHT = 0.1;
+static const double UPRIGHT_SHARE = 0.6, MIN_UPRIGHT = 0.1;
 static const double PARALLEL = 0.866; // of shin and trunk: 30 degrees
 
-static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
-
-static bool middle(const struct skeleton *s, enum joint a, enum joint b, struct vec3 *out)
+static bool is_joint_known(const struct skeleton *skeleton, enum joint joint)
 {
-    *out = v3_mix(s->joint[a], s->joint[b], 0.5);
-    return known(s, a) && known(s, b);
+    return skeleton->confidence[joint] > 0;
 }
 
-static bool upper_end(const struct skeleton *s, struct vec3 *out)
+static bool find_middle(const struct skeleton *skeleton, enum joint a, enum joint b, struct vec3 *out)
 {
-    if (middle(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, out))
-        return true;
-    *out = s->joint[known(s, JOINT_NECK) ? JOINT_NECK : JOINT_HEAD];
-    return known(s, JOINT_NECK) || known(s, JOINT_HEAD);
+    *out = v3_mix(skeleton->joint[a], skeleton->joint[b], 0.5);
+    return is_joint_known(skeleton, a) && is_joint_known(skeleton, b);
 }
 
-static bool lower_end(const struct skeleton *s, struct vec3 *out)
+static bool upper_end(const struct skeleton *skeleton, struct vec3 *out)
 {
-    if (middle(s, JOINT_LEFT_HIP, JOINT_RIGHT_HIP, out))
+    if (find_middle(skeleton, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, out))
         return true;
-    *out = s->joint[known(s, JOINT_WAIST) ? JOINT_WAIST : JOINT_TORSO];
-    return known(s, JOINT_WAIST) || known(s, JOINT_TORSO);
+    *out = skeleton->joint[is_joint_known(skeleton, JOINT_NECK) ? JOINT_NECK : JOINT_HEAD];
+    return is_joint_known(skeleton, JOINT_NECK) || is_joint_known(skeleton, JOINT_HEAD);
+}
+
+static bool lower_end(const struct skeleton *skeleton, struct vec3 *out)
+{
+    if (find_middle(skeleton, JOINT_LEFT_HIP, JOINT_RIGHT_HIP, out))
+        return true;
+    *out = skeleton->joint[is_joint_known(skeleton, JOINT_WAIST) ? JOINT_WAIST : JOINT_TORSO];
+    return is_joint_known(skeleton, JOINT_WAIST) || is_joint_known(skeleton, JOINT_TORSO);
 }
 
 // From the hips to the shoulders; of a bust from the shoulders to the head.
-static bool trunk_axis(const struct skeleton *s, struct vec3 *axis)
+static bool trunk_axis(const struct skeleton *skeleton, struct vec3 *axis)
 {
     struct vec3 from, to;
-    if (!upper_end(s, &to))
+    if (!upper_end(skeleton, &to))
         return false;
-    if (!lower_end(s, &from)) {
+    if (!lower_end(skeleton, &from)) {
         from = to;
-        to = s->joint[JOINT_HEAD];
-        if (!known(s, JOINT_HEAD))
+        to = skeleton->joint[JOINT_HEAD];
+        if (!is_joint_known(skeleton, JOINT_HEAD))
             return false;
     }
     *axis = v3_unit(v3_sub(to, from));
@@ -385,12 +389,12 @@ static bool trunk_axis(const struct skeleton *s, struct vec3 *axis)
 // ------------------------------------------------------------- up
 
 // Whether the thighs hang down from the hips, as of one who stands.
-static bool thighs_hang(const struct skeleton *s, struct vec3 trunk)
+static bool thighs_hang(const struct skeleton *skeleton, struct vec3 trunk)
 {
     static const enum joint thigh[2][2] = {{JOINT_LEFT_KNEE, JOINT_LEFT_HIP}, {JOINT_RIGHT_KNEE, JOINT_RIGHT_HIP}};
     for (int side = 0; side < 2; side++)
-        if (known(s, thigh[side][0]) && known(s, thigh[side][1]) &&
-            v3_dot(v3_unit(v3_sub(s->joint[thigh[side][1]], s->joint[thigh[side][0]])), trunk) < 0.5)
+        if (is_joint_known(skeleton, thigh[side][0]) && is_joint_known(skeleton, thigh[side][1]) &&
+            v3_dot(v3_unit(v3_sub(skeleton->joint[thigh[side][1]], skeleton->joint[thigh[side][0]])), trunk) < 0.5)
             return false;
     return true;
 }
@@ -399,25 +403,25 @@ static bool thighs_hang(const struct skeleton *s, struct vec3 trunk)
 // balanced above them; of one who sits the mean of trunk and shins. legs: whether the file has any.
 enum posture { POSTURE_OTHER, POSTURE_SITS, POSTURE_STANDS };
 
-static enum posture upright_axis(const struct skeleton *s, bool legs, struct vec3 *axis)
+static enum posture upright_axis(const struct skeleton *skeleton, bool legs, struct vec3 *axis)
 {
     static const enum joint shin[2][2] = {{JOINT_LEFT_FOOT, JOINT_LEFT_KNEE}, {JOINT_RIGHT_FOOT, JOINT_RIGHT_KNEE}};
     struct vec3 sum, feet, upper, lower;
-    if (!trunk_axis(s, &sum))
+    if (!trunk_axis(skeleton, &sum))
         return POSTURE_OTHER;
     const struct vec3 trunk = sum;
     bool upright = !legs;
     for (int side = 0; side < 2; side++) {
-        if (!known(s, shin[side][0]) || !known(s, shin[side][1]))
+        if (!is_joint_known(skeleton, shin[side][0]) || !is_joint_known(skeleton, shin[side][1]))
             continue;
-        const struct vec3 up = v3_unit(v3_sub(s->joint[shin[side][1]], s->joint[shin[side][0]]));
+        const struct vec3 up = v3_unit(v3_sub(skeleton->joint[shin[side][1]], skeleton->joint[shin[side][0]]));
         if (v3_dot(up, trunk) < PARALLEL)
             continue;
         sum = v3_add(sum, up);
         upright = true;
     }
-    const bool stands = middle(s, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, &feet) && upper_end(s, &upper) &&
-                        lower_end(s, &lower) && thighs_hang(s, trunk);
+    const bool stands = find_middle(skeleton, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, &feet) &&
+                        upper_end(skeleton, &upper) && lower_end(skeleton, &lower) && thighs_hang(skeleton, trunk);
     *axis = v3_unit(stands ? v3_sub(v3_mix(upper, lower, 0.5), feet) : sum);
     if (!upright)
         return POSTURE_OTHER;
@@ -431,13 +435,13 @@ struct up {
     int64_t standing; // of these
 };
 
-static struct vec3 sum_near(const struct joint_samples *s, bool legs, const struct vec3 *about, struct up *count)
+static struct vec3 sum_near(const struct joint_samples *samples, bool legs, const struct vec3 *about, struct up *count)
 {
     struct vec3 sum = {0, 0, 0}, axis;
     int64_t near = 0;
     count->upright = count->standing = 0;
-    for (int64_t i = 0; i < s->count; i++) {
-        const enum posture posture = upright_axis(&s->at[i].skeleton, legs, &axis);
+    for (int64_t i = 0; i < samples->count; i++) {
+        const enum posture posture = upright_axis(&samples->at[i].skeleton, legs, &axis);
         if (posture == POSTURE_OTHER)
             continue;
         count->upright++;
@@ -451,19 +455,19 @@ static struct vec3 sum_near(const struct joint_samples *s, bool legs, const stru
     return sum;
 }
 
-static struct up find_up(const struct joint_samples *s)
+static struct up find_up(const struct joint_samples *samples)
 {
     struct up up = {0};
     bool legs = false;
-    for (int64_t i = 0; i < s->count && !legs; i++) {
-        const struct skeleton *k = &s->at[i].skeleton;
-        legs = (known(k, JOINT_LEFT_KNEE) && known(k, JOINT_LEFT_FOOT)) ||
-               (known(k, JOINT_RIGHT_KNEE) && known(k, JOINT_RIGHT_FOOT));
+    for (int64_t i = 0; i < samples->count && !legs; i++) {
+        const struct skeleton *skeleton = &samples->at[i].skeleton;
+        legs = (is_joint_known(skeleton, JOINT_LEFT_KNEE) && is_joint_known(skeleton, JOINT_LEFT_FOOT)) ||
+               (is_joint_known(skeleton, JOINT_RIGHT_KNEE) && is_joint_known(skeleton, JOINT_RIGHT_FOOT));
     }
-    up.axis = v3_unit(sum_near(s, legs, NULL, &up));
+    up.axis = v3_unit(sum_near(samples, legs, NULL, &up));
     for (int pass = 0; pass < 3; pass++) {
         const struct vec3 about = up.axis;
-        up.axis = v3_unit(sum_near(s, legs, &about, &up));
+        up.axis = v3_unit(sum_near(samples, legs, &about, &up));
     }
     return up;
 }
@@ -482,44 +486,44 @@ static int compare_floats(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static double range_of(struct track *t)
+static double range_of(struct track *track)
 {
     double sum = 0;
-    if (!t->count)
+    if (!track->count)
         return 0;
     for (int k = 0; k < 3; k++) {
-        qsort(t->x[k], (size_t)t->count, sizeof(float), compare_floats);
-        const int64_t margin = t->count / 20;
-        const double range = (double)t->x[k][t->count - 1 - margin] - t->x[k][margin];
+        qsort(track->x[k], (size_t)track->count, sizeof(float), compare_floats);
+        const int64_t margin = track->count / 20;
+        const double range = (double)track->x[k][track->count - 1 - margin] - track->x[k][margin];
         sum += range * range;
     }
     return sqrt(sum);
 }
 
-static double joint_range(const struct joint_samples *s, enum joint a, enum joint b, struct track *t)
+static double joint_range(const struct joint_samples *samples, enum joint a, enum joint b, struct track *track)
 {
-    t->count = 0;
-    for (int64_t i = 0; i < s->count; i++) {
+    track->count = 0;
+    for (int64_t i = 0; i < samples->count; i++) {
         struct vec3 p;
-        if (!middle(&s->at[i].skeleton, a, b, &p))
+        if (!find_middle(&samples->at[i].skeleton, a, b, &p))
             continue;
-        t->x[0][t->count] = (float)p.x;
-        t->x[1][t->count] = (float)p.y;
-        t->x[2][t->count++] = (float)p.z;
+        track->x[0][track->count] = (float)p.x;
+        track->x[1][track->count] = (float)p.y;
+        track->x[2][track->count++] = (float)p.z;
     }
-    return range_of(t);
+    return range_of(track);
 }
 
-static bool hands_beyond_head(const struct joint_samples *s, struct vec3 up)
+static bool hands_beyond_head(const struct joint_samples *samples, struct vec3 up)
 {
     int64_t beyond = 0, seen = 0;
-    for (int64_t i = 0; i < s->count; i++) {
-        const struct skeleton *k = &s->at[i].skeleton;
+    for (int64_t i = 0; i < samples->count; i++) {
+        const struct skeleton *skeleton = &samples->at[i].skeleton;
         struct vec3 hands;
-        if (!middle(k, JOINT_LEFT_HAND, JOINT_RIGHT_HAND, &hands) || !known(k, JOINT_HEAD))
+        if (!find_middle(skeleton, JOINT_LEFT_HAND, JOINT_RIGHT_HAND, &hands) || !is_joint_known(skeleton, JOINT_HEAD))
             continue;
         seen++;
-        beyond += v3_dot(v3_sub(hands, k->joint[JOINT_HEAD]), up) > 0;
+        beyond += v3_dot(v3_sub(hands, skeleton->joint[JOINT_HEAD]), up) > 0;
     }
     return seen && 10 * beyond > 9 * seen;
 }
@@ -534,19 +538,19 @@ static enum status cannot_tell(const char *path, const char *why)
 
 // A body that stands rests on a foot. Where both feet go about and the trunk lies still, or the hands beyond the head
 // do, the body lies, hangs or stands on its hands: its up is not the world's. By hand: 5 cm, 15 cm.
-static enum status check_support(const struct joint_samples *s, const char *path, struct vec3 up)
+static enum status check_support(const struct joint_samples *samples, const char *path, struct vec3 up)
 {
     static const double STILL_M = 0.05, GOING_M = 0.15;
-    float *room = malloc(3 * (size_t)s->count * sizeof *room);
+    float *room = malloc(3 * (size_t)samples->count * sizeof *room);
     if (!room)
         return fail(ERR_MEMORY, "no memory to find a movement's axes");
-    struct track t = {.x = {room, room + s->count, room + 2 * s->count}};
-    const double left = joint_range(s, JOINT_LEFT_FOOT, JOINT_LEFT_FOOT, &t),
-                 right = joint_range(s, JOINT_RIGHT_FOOT, JOINT_RIGHT_FOOT, &t),
-                 trunk = joint_range(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, &t), feet = fmin(left, right);
+    struct track t = {.x = {room, room + samples->count, room + 2 * samples->count}};
+    const double left = joint_range(samples, JOINT_LEFT_FOOT, JOINT_LEFT_FOOT, &t),
+                 right = joint_range(samples, JOINT_RIGHT_FOOT, JOINT_RIGHT_FOOT, &t),
+                 trunk = joint_range(samples, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, &t), feet = fmin(left, right);
     const bool lies = t.count && trunk < STILL_M;
-    const double hands = joint_range(s, JOINT_LEFT_HAND, JOINT_RIGHT_HAND, &t);
-    const bool hangs = t.count && hands < STILL_M && hands_beyond_head(s, up);
+    const double hands = joint_range(samples, JOINT_LEFT_HAND, JOINT_RIGHT_HAND, &t);
+    const bool hangs = t.count && hands < STILL_M && hands_beyond_head(samples, up);
     free(room);
     if (feet < GOING_M || (!lies && !hangs))
         return OK;
@@ -561,12 +565,14 @@ struct hinge {
     enum joint upper, middle, lower;
 };
 
-static void bends_of(const struct skeleton *s, const struct hinge *h, struct vec3 left, double bend[2], int64_t *count)
+static void bends_of(const struct skeleton *skeleton, const struct hinge *hinge, struct vec3 left, double bend[2],
+                     int64_t *count)
 {
-    if (!known(s, h->upper) || !known(s, h->middle) || !known(s, h->lower))
+    if (!is_joint_known(skeleton, hinge->upper) || !is_joint_known(skeleton, hinge->middle) ||
+        !is_joint_known(skeleton, hinge->lower))
         return;
-    const struct vec3 upper = v3_unit(v3_sub(s->joint[h->middle], s->joint[h->upper])),
-                      lower = v3_unit(v3_sub(s->joint[h->lower], s->joint[h->middle]));
+    const struct vec3 upper = v3_unit(v3_sub(skeleton->joint[hinge->middle], skeleton->joint[hinge->upper])),
+                      lower = v3_unit(v3_sub(skeleton->joint[hinge->lower], skeleton->joint[hinge->middle]));
     const double sense = v3_dot(v3_cross(upper, lower), left);
     if (!(fabs(sense) > 0.2)) // 12 degrees: less is noise
         return;
@@ -576,7 +582,7 @@ static void bends_of(const struct skeleton *s, const struct hinge *h, struct vec
 
 // 1: the axes are right-handed; -1: left-handed, or left and right are exchanged; 0: not known. doubt: whether elbows
 // count, too.
-static int handedness(const struct joint_samples *s, bool doubt)
+static int find_handedness(const struct joint_samples *samples, bool doubt)
 {
     static const struct hinge knees[2] = {{JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
                                           {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}},
@@ -586,15 +592,15 @@ static int handedness(const struct joint_samples *s, bool doubt)
                                            {JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER}};
     double bend[2][2] = {{0}};
     int64_t count[2] = {0, 0};
-    for (int64_t i = 0; i < s->count; i++) {
-        const struct skeleton *k = &s->at[i].skeleton;
+    for (int64_t i = 0; i < samples->count; i++) {
+        const struct skeleton *skeleton = &samples->at[i].skeleton;
         for (int pair = 0; pair < 2; pair++) {
             const enum joint l = pairs[pair][0], r = pairs[pair][1];
-            if (!known(k, l) || !known(k, r))
+            if (!is_joint_known(skeleton, l) || !is_joint_known(skeleton, r))
                 continue;
-            const struct vec3 left = v3_unit(v3_sub(k->joint[l], k->joint[r]));
+            const struct vec3 left = v3_unit(v3_sub(skeleton->joint[l], skeleton->joint[r]));
             for (int side = 0; side < 2; side++)
-                bends_of(k, pair ? &elbows[side] : &knees[side], left, bend[pair], &count[pair]);
+                bends_of(skeleton, pair ? &elbows[side] : &knees[side], left, bend[pair], &count[pair]);
         }
     }
     // By hand: ten bent knees, four fifths of them one way; of elbows thrice as many.
@@ -614,16 +620,17 @@ struct turn {
     struct vec3 row[3];
 };
 
-static void apply(struct joint_samples *s, const struct turn *t)
+static void apply_turn(struct joint_samples *samples, const struct turn *turn)
 {
-    for (int64_t i = 0; i < s->count; i++)
+    for (int64_t i = 0; i < samples->count; i++)
         for (int j = 0; j < JOINT_COUNT; j++) {
-            const struct vec3 p = s->at[i].skeleton.joint[j];
-            s->at[i].skeleton.joint[j] = v3(v3_dot(t->row[0], p), v3_dot(t->row[1], p), v3_dot(t->row[2], p));
+            const struct vec3 p = samples->at[i].skeleton.joint[j];
+            samples->at[i].skeleton.joint[j] =
+                v3(v3_dot(turn->row[0], p), v3_dot(turn->row[1], p), v3_dot(turn->row[2], p));
         }
 }
 
-static double component(struct vec3 v, int axis)
+static double axis_component(struct vec3 v, int axis)
 {
     if (axis == 0)
         return v.x;
@@ -643,9 +650,9 @@ static struct vec3 nearest_axis(struct vec3 up)
 {
     int axis = 0;
     for (int k = 1; k < 3; k++)
-        if (fabs(component(up, k)) > fabs(component(up, axis)))
+        if (fabs(axis_component(up, k)) > fabs(axis_component(up, axis)))
             axis = k;
-    return unit_along(axis, component(up, axis) < 0 ? -1 : 1);
+    return unit_along(axis, axis_component(up, axis) < 0 ? -1 : 1);
 }
 
 // Up becomes -y by a rotation, mirrored in x if so wanted.
@@ -676,44 +683,44 @@ static const char backwards[] =
     "knees bend backwards: its axes are left-handed, or left and right are exchanged; it was read as left-handed, and "
     "if sides are exchanged, what is said of a side holds for the other";
 
-static enum status believe(struct joint_samples *s, enum joints_csv_axes said)
+static enum status apply_stated_axes(struct joint_samples *samples, enum joints_csv_axes said)
 {
     static const struct turn from_room = {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}},
                              mirrored = {{{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     if (said == JOINTS_CSV_ROOM)
-        apply(s, &from_room);
-    const struct up up = find_up(s);
+        apply_turn(samples, &from_room);
+    const struct up up = find_up(samples);
     static const double LIES = 0.5;                                  // a cosine: 60 degrees from up; by hand
     const double above = up.share >= UPRIGHT_SHARE ? -up.axis.y : 1; // cosine
-    if (handedness(s, false) < 0) {
-        joint_note(&s->notes, "%s", backwards);
+    if (find_handedness(samples, false) < 0) {
+        joint_note(&samples->notes, "%s", backwards);
         const struct turn turn = above < NEAR_UP ? turn_for(nearest_axis(up.axis), true) : mirrored;
-        apply(s, &turn);
+        apply_turn(samples, &turn);
     } else if (above < LIES) {
-        joint_note(&s->notes,
+        joint_note(&samples->notes,
                    "by its line '" JOINTS_CSV_MARK " %s' the person %s; if that is not so, take the line out",
                    joints_csv_axes_names[said], above < -NEAR_UP ? "is upside down" : "lies");
     }
     if (said != JOINTS_CSV_ROOM)
-        joint_samples_level(s);
+        joint_samples_level(samples);
     return OK;
 }
 
-static bool can_be_compared(const struct joint_samples *s)
+static bool can_be_compared(const struct joint_samples *samples)
 {
     bool ever[JOINT_COUNT] = {0};
-    for (int64_t i = 0; i < s->count; i++)
+    for (int64_t i = 0; i < samples->count; i++)
         for (int j = 0; j < JOINT_COUNT; j++)
-            ever[j] = ever[j] || known(&s->at[i].skeleton, (enum joint)j);
+            ever[j] = ever[j] || is_joint_known(&samples->at[i].skeleton, (enum joint)j);
     return (ever[JOINT_LEFT_HIP] && ever[JOINT_RIGHT_HIP]) || (ever[JOINT_LEFT_SHOULDER] && ever[JOINT_RIGHT_SHOULDER]);
 }
 
 // The direction that is to be made up. *up: an axis, where up is near one; what remains is a sensor's tilt, which
 // standing tells. False: it is not clear.
-static bool settle_up(const struct joint_samples *s, const struct up *found, struct vec3 *up)
+static bool settle_up(const struct joint_samples *samples, const struct up *found, struct vec3 *up)
 {
     struct vec3 straight;
-    const bool stands_straight = joint_samples_standing(s, &straight) && v3_dot(straight, found->axis) >= NEAR_UP,
+    const bool stands_straight = joint_samples_standing(samples, &straight) && v3_dot(straight, found->axis) >= NEAR_UP,
                balanced = !stands_straight && 2 * found->standing > found->upright;
     *up = stands_straight ? straight : found->axis;
     const struct vec3 axis = nearest_axis(*up);
@@ -723,39 +730,39 @@ static bool settle_up(const struct joint_samples *s, const struct up *found, str
     return near || balanced || stands_straight;
 }
 
-static void note_axes(struct joint_samples *s, struct vec3 up, int hand)
+static void note_axes(struct joint_samples *samples, struct vec3 up, int hand)
 {
     char words[60];
     if (-up.y >= 1) {
         if (hand < 0)
-            joint_note(&s->notes, "%s", backwards);
+            joint_note(&samples->notes, "%s", backwards);
         return;
     }
     const char *right_handed = hand ? "" : "; right-handed ones were taken for granted";
-    joint_note(&s->notes, "it does not say its axes; by the person's head and feet they are %s%s",
+    joint_note(&samples->notes, "it does not say its axes; by the person's head and feet they are %s%s",
                axis_words(up, words), hand < 0 ? ", and left-handed by the knees" : right_handed);
 }
 
-static enum status find_out(struct joint_samples *s, const char *path)
+static enum status find_out(struct joint_samples *samples, const char *path)
 {
     struct vec3 axis;
-    const struct up up = find_up(s);
-    if ((double)up.upright < LEAST_UPRIGHT * (double)s->count)
+    const struct up up = find_up(samples);
+    if ((double)up.upright < MIN_UPRIGHT * (double)samples->count)
         return cannot_tell(path, "the person neither stands nor sits");
     if (up.share < UPRIGHT_SHARE)
         return cannot_tell(path, "the person is upright and upside down by turns");
-    if (!settle_up(s, &up, &axis))
+    if (!settle_up(samples, &up, &axis))
         return cannot_tell(path, "no axis points up or down, and the person never stands");
-    enum status status = is_camera(axis) ? OK : check_support(s, path, axis);
+    enum status status = is_camera(axis) ? OK : check_support(samples, path, axis);
     if (status != OK)
         return status;
-    const int hand = handedness(s, true);
-    note_axes(s, axis, hand);
+    const int hand = find_handedness(samples, true);
+    note_axes(samples, axis, hand);
     if (!(-axis.y >= 1) || hand < 0) {
         const struct turn turn = turn_for(axis, hand < 0);
-        apply(s, &turn);
+        apply_turn(samples, &turn);
     }
-    joint_samples_level(s);
+    joint_samples_level(samples);
     return OK;
 }
 
@@ -764,11 +771,11 @@ static enum status find_out(struct joint_samples *s, const char *path)
 // then lies or is upside down is only noted. What was found out is noted. The tilt that remains is taken out as
 // joint_samples_level() does, except in a room's axes. ERR_INPUT: nothing is said and it cannot be told; the sentence
 // says why. Samples without hips and shoulders, which no movement is made of, are left as they are.
-static enum status joint_axes_settle(struct joint_samples *s, const char *path, int said)
+static enum status joint_axes_settle(struct joint_samples *samples, const char *path, int said)
 {
-    if (!can_be_compared(s))
+    if (!can_be_compared(samples))
         return OK;
-    return said >= 0 ? believe(s, (enum joints_csv_axes)said) : find_out(s, path);
+    return said >= 0 ? apply_stated_axes(samples, (enum joints_csv_axes)said) : find_out(samples, path);
 }
 
 // ---------------------------------------------------------------- joints csv reader
@@ -791,16 +798,16 @@ bool is_joints_csv(const char *path)
            (ending && !strcasecmp(ending, ".csv") && strncmp(begin, recording, sizeof recording - 1));
 }
 
-enum { MOST_FIELDS = 8 };
+enum { MAX_FIELDS = 8 };
 
-// Cuts a line at its commas. Returns how many fields; more than MOST_FIELDS are one too many. Blanks round a field are
+// Cuts a line at its commas. Returns how many fields; more than MAX_FIELDS are one too many. Blanks round a field are
 // not part of it.
-static int split(char *line, char *field[MOST_FIELDS])
+static int split_fields(char *line, char *field[MAX_FIELDS])
 {
     int count = 0;
     for (char *at = line; at; count++) {
-        if (count == MOST_FIELDS)
-            return MOST_FIELDS + 1;
+        if (count == MAX_FIELDS)
+            return MAX_FIELDS + 1;
         at += strspn(at, " \t");
         field[count] = at;
         char *end = strchr(at, ',');
@@ -823,7 +830,7 @@ static bool is_none(const char *text)
     return false;
 }
 
-static bool number(const char *text, double *out)
+static bool parse_number(const char *text, double *out)
 {
     if (text_number(text + (*text == '+'), out))
         return true;
@@ -874,55 +881,55 @@ static const char *joints_known(char out[320])
     return out;
 }
 
-static void take_strange(struct csv *c, const char *name)
+static void take_strange(struct csv *csv, const char *name)
 {
-    if (!c->strange++) {
-        snprintf(c->strange_name, sizeof c->strange_name, "%s", name);
-        c->strange_line = c->line;
+    if (!csv->strange++) {
+        snprintf(csv->strange_name, sizeof csv->strange_name, "%s", name);
+        csv->strange_line = csv->line;
     }
-    c->dropped++;
+    csv->dropped++;
 }
 
 enum { LARGEST = 100000000 }; // 100 km in millimetres: beyond it a row is damaged
 
-static enum status take_row(struct csv *c, char *line)
+static enum status take_row(struct csv *csv, char *line)
 {
-    char *field[MOST_FIELDS];
+    char *field[MAX_FIELDS];
     enum joint joint;
     double time, x[5] = {0, 0, 0, 0, -1};
-    if (split(line, field) != c->fields)
-        return fail(ERR_INPUT, "%s, line %d: a row has %d fields: %s%s", c->path, c->line, c->fields, header,
-                    c->fields > 6 ? JOINTS_CSV_SIGMA : "");
-    if (!*field[0] || !number(field[0], &time))
-        return fail(ERR_INPUT, "%s, line %d: '%.40s' is no time in seconds", c->path, c->line, field[0]);
-    for (int i = 2; i < c->fields; i++)
-        if (!number(field[i], &x[i - 2]))
-            return fail(ERR_INPUT, "%s, line %d: '%.40s' is no number", c->path, c->line, field[i]);
+    if (split_fields(line, field) != csv->fields)
+        return fail(ERR_INPUT, "%s, line %d: a row has %d fields: %s%s", csv->path, csv->line, csv->fields, header,
+                    csv->fields > 6 ? JOINTS_CSV_SIGMA : "");
+    if (!*field[0] || !parse_number(field[0], &time))
+        return fail(ERR_INPUT, "%s, line %d: '%.40s' is no time in seconds", csv->path, csv->line, field[0]);
+    for (int i = 2; i < csv->fields; i++)
+        if (!parse_number(field[i], &x[i - 2]))
+            return fail(ERR_INPUT, "%s, line %d: '%.40s' is no number", csv->path, csv->line, field[i]);
     if (!joint_of(field[1], &joint)) {
-        take_strange(c, field[1]);
+        take_strange(csv, field[1]);
         return OK;
     }
-    c->named = true;
-    if (c->fields > 6 && !*field[6])
+    csv->named = true;
+    if (csv->fields > 6 && !*field[6])
         x[4] = -1;
-    else if (c->fields > 6 && x[4] < 0)
+    else if (csv->fields > 6 && x[4] < 0)
         x[4] = NAN;
     if (!*field[2] && !*field[3] && !*field[4]) // not seen
         return OK;
     // Far from every camera and clock: a damaged row. NaN fails all comparisons.
-    if (!(fabs(time) < SECONDS_MOST * 1e9) || !(fabs(x[0]) < LARGEST && fabs(x[1]) < LARGEST && fabs(x[2]) < LARGEST) ||
+    if (!(fabs(time) < SECONDS_MAX * 1e9) || !(fabs(x[0]) < LARGEST && fabs(x[1]) < LARGEST && fabs(x[2]) < LARGEST) ||
         !(x[3] >= 0) || isnan(x[4])) {
-        c->dropped++;
+        csv->dropped++;
         return OK;
     }
     const struct joint_row row = {time, v3(x[0], x[1], x[2]), (float)fmin(x[3], 1), (float)x[4], (uint8_t)joint};
-    return row.confidence > 0 ? joint_rows_add(&c->rows, &row) : OK;
+    return row.confidence > 0 ? joint_rows_add(&csv->rows, &row) : OK;
 }
 
 // The comments before the header may say the axes.
-static enum status read_axes(struct csv *c, const struct text_file *file)
+static enum status read_axes(struct csv *csv, const struct text_file *file)
 {
-    c->axes = -1;
+    csv->axes = -1;
     for (const char *at = file->next; *at; at += strcspn(at, "\n"), at += *at == '\n') {
         const char *line = at + strspn(at, " \t\r");
         if (*line && *line != '\n' && *line != '#')
@@ -933,57 +940,57 @@ static enum status read_axes(struct csv *c, const struct text_file *file)
         line += strspn(line, " \t");
         char said[32];
         snprintf(said, sizeof said, "%.*s", (int)strcspn(line, " \t,;\r\n"), line);
-        for (int k = 0; k < JOINTS_CSV_AXES && c->axes < 0; k++)
+        for (int k = 0; k < JOINTS_CSV_AXES && csv->axes < 0; k++)
             if (!strcasecmp(said, joints_csv_axes_names[k]))
-                c->axes = k;
-        if (c->axes < 0)
+                csv->axes = k;
+        if (csv->axes < 0)
             return fail(ERR_INPUT,
                         "%s has the axes '%s'; known are camera (y down) and room (z up); without the line they are "
                         "found out",
-                        c->path, said);
+                        csv->path, said);
     }
     return OK;
 }
 
-static enum status read_rows(struct csv *c, struct text_file *file)
+static enum status read_rows(struct csv *csv, struct text_file *file)
 {
-    enum status status = read_axes(c, file);
+    enum status status = read_axes(csv, file);
     for (char *line; status == OK && (line = text_file_line(file));) {
-        c->line = file->line;
-        if (c->fields) {
-            status = take_row(c, line);
+        csv->line = file->line;
+        if (csv->fields) {
+            status = take_row(csv, line);
             continue;
         }
         const char *rest = line + sizeof header - 1;
         if (strncmp(line, header, sizeof header - 1) || (*rest && strcmp(rest, JOINTS_CSV_SIGMA)))
-            return fail(ERR_INPUT, "%s is neither a recording nor a joints-csv file, whose first line is %s", c->path,
+            return fail(ERR_INPUT, "%s is neither a recording nor a joints-csv file, whose first line is %s", csv->path,
                         header);
-        c->fields = *rest ? 7 : 6;
+        csv->fields = *rest ? 7 : 6;
     }
     return status;
 }
 
-static enum status check_names(const struct csv *c, struct joint_notes *notes)
+static enum status check_names(const struct csv *csv, struct joint_notes *notes)
 {
     char known[320];
-    if (c->strange && !c->named)
-        return fail(ERR_INPUT, "%s, line %d: '%s' is no joint's name; known are %s", c->path, c->strange_line,
-                    c->strange_name, joints_known(known));
-    if (c->strange)
-        joint_note(notes, "'%s' in line %d is no joint's name; %lld such rows were left out", c->strange_name,
-                   c->strange_line, (long long)c->strange);
+    if (csv->strange && !csv->named)
+        return fail(ERR_INPUT, "%s, line %d: '%s' is no joint's name; known are %s", csv->path, csv->strange_line,
+                    csv->strange_name, joints_known(known));
+    if (csv->strange)
+        joint_note(notes, "'%s' in line %d is no joint's name; %lld such rows were left out", csv->strange_name,
+                   csv->strange_line, (long long)csv->strange);
     return OK;
 }
 
 // The rows of each time as a sample.
-static enum status make_samples(struct csv *c, const struct joint_units *units, struct joint_samples *out)
+static enum status make_samples(struct csv *csv, const struct joint_units *units, struct joint_samples *out)
 {
-    const struct joint_rows *r = &c->rows;
+    const struct joint_rows *r = &csv->rows;
     enum status status = OK;
     for (int64_t i = 0, end; i < r->count && status == OK; i = end) {
         end = joint_rows_group(r, i);
         const double time_s = r->at[i].time * units->seconds;
-        if (!(fabs(time_s) < SECONDS_MOST)) {
+        if (!(fabs(time_s) < SECONDS_MAX)) {
             out->dropped += end - i;
             continue;
         }
@@ -1000,24 +1007,24 @@ static enum status make_samples(struct csv *c, const struct joint_units *units, 
     return status;
 }
 
-static enum status settle(struct csv *c, struct joint_samples *out)
+static enum status finish_samples(struct csv *csv, struct joint_samples *out)
 {
     struct joint_units units;
-    enum status status = check_names(c, &out->notes);
+    enum status status = check_names(csv, &out->notes);
     if (status == OK)
-        status = joint_rows_sort(&c->rows, &out->notes);
+        status = joint_rows_sort(&csv->rows, &out->notes);
     if (status == OK)
-        joint_rows_drop_zeros(&c->rows, &out->notes);
-    if (status == OK && !c->rows.count)
-        status = fail(ERR_INPUT, "%s holds no joint that is known at any time", c->path);
+        joint_rows_drop_zeros(&csv->rows, &out->notes);
+    if (status == OK && !csv->rows.count)
+        status = fail(ERR_INPUT, "%s holds no joint that is known at any time", csv->path);
     if (status == OK)
-        status = joint_rows_units(&c->rows, c->path, &units, &out->notes);
+        status = joint_rows_units(&csv->rows, csv->path, &units, &out->notes);
     if (status == OK)
-        status = make_samples(c, &units, out);
-    joint_rows_free(&c->rows);
+        status = make_samples(csv, &units, out);
+    joint_rows_free(&csv->rows);
     if (status == OK && !out->count)
-        status = fail(ERR_INPUT, "%s holds no joint that is known at any time", c->path);
-    return status == OK ? joint_axes_settle(out, c->path, c->axes) : status;
+        status = fail(ERR_INPUT, "%s holds no joint that is known at any time", csv->path);
+    return status == OK ? joint_axes_settle(out, csv->path, csv->axes) : status;
 }
 
 enum status joint_samples_read_csv(const char *path, struct joint_samples *out)
@@ -1032,7 +1039,7 @@ enum status joint_samples_read_csv(const char *path, struct joint_samples *out)
     }
     out->dropped = c.dropped;
     if (status == OK)
-        status = settle(&c, out);
+        status = finish_samples(&c, out);
     joint_rows_free(&c.rows);
     out->sigma_given = c.fields > 6;
     if (status == OK)

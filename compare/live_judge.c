@@ -43,33 +43,33 @@ enum status live_judge_open(struct live_judge **out, const struct movement *refe
     return status;
 }
 
-void live_judge_close(struct live_judge **j)
+void live_judge_close(struct live_judge **judge)
 {
-    if (*j) {
-        free((*j)->price);
-        free(*j);
+    if (*judge) {
+        free((*judge)->price);
+        free(*judge);
     }
-    *j = NULL;
+    *judge = NULL;
 }
 
-void live_judge_restart(struct live_judge *j)
+void live_judge_restart(struct live_judge *judge)
 {
-    j->begun = false;
-    j->count = 0;
+    judge->begun = false;
+    judge->count = 0;
 }
 
-void live_judge_set_reference(struct live_judge *j, const struct movement *reference)
+void live_judge_set_reference(struct live_judge *judge, const struct movement *reference)
 {
-    assert(reference->count == j->reference->count);
-    if (reference == j->reference)
+    assert(reference->count == judge->reference->count);
+    if (reference == judge->reference)
         return;
-    j->reference = reference;
-    live_judge_restart(j);
+    judge->reference = reference;
+    live_judge_restart(judge);
 }
 
-void live_judge_set_window(struct live_judge *j, int32_t first, int32_t end)
+void live_judge_set_window(struct live_judge *judge, int32_t first, int32_t end)
 {
-    const int32_t count = j->reference->count;
+    const int32_t count = judge->reference->count;
     first = clamp_int(first, 0, count - 1);
     if (end > count)
         end = count;
@@ -77,13 +77,13 @@ void live_judge_set_window(struct live_judge *j, int32_t first, int32_t end)
         end = first + 1;
     bool any = false;
     for (int32_t i = first; i < end; i++) {
-        if (i < j->first || i >= j->end)
-            j->price[i] = INFINITY; // reached from within the window only
-        any = any || isfinite(j->price[i]);
+        if (i < judge->first || i >= judge->end)
+            judge->price[i] = INFINITY; // reached from within the window only
+        any = any || isfinite(judge->price[i]);
     }
-    j->first = first;
-    j->end = end;
-    j->begun = j->begun && any;
+    judge->first = first;
+    judge->end = end;
+    judge->begun = judge->begun && any;
 }
 
 static double squared_chord(const struct movement_frame *a, const struct movement_frame *b, int p)
@@ -97,56 +97,57 @@ static double squared_chord(const struct movement_frame *a, const struct movemen
 }
 
 // Mean squared chord of the parts known in both; NaN where none is.
-static double cost(const struct live_judge *j, int32_t i, const struct movement_frame *frame)
+static double frame_cost(const struct live_judge *judge, int32_t i, const struct movement_frame *frame)
 {
-    const struct movement_frame *x = &j->reference->frames[i];
+    const struct movement_frame *movement_frame = &judge->reference->frames[i];
     double sum = 0, count = 0;
     for (int p = 0; p < PART_COUNT; p++) {
-        if (!(frame->known & x->known & 1u << p))
+        if (!(frame->known & movement_frame->known & 1u << p))
             continue;
-        sum += squared_chord(frame, x, p);
+        sum += squared_chord(frame, movement_frame, p);
         count++;
     }
     return count > 0 ? sum / count : NAN;
 }
 
-static int32_t advance(struct live_judge *j, const struct movement_frame *frame)
+static int32_t advance_alignment(struct live_judge *judge, const struct movement_frame *frame)
 {
     double diagonal = INFINITY, above = INFINITY;
-    int32_t best = j->first;
-    for (int32_t i = j->first; i < j->end; i++) {
-        double c = cost(j, i, frame);
+    int32_t best = judge->first;
+    for (int32_t i = judge->first; i < judge->end; i++) {
+        double c = frame_cost(judge, i, frame);
         c = isnan(c) ? 0 : c;
-        const double left = j->begun ? j->price[i] : 0;
-        double price = (j->begun ? fmin(FADE * left + STEP, FADE * diagonal) : 0) + c;
+        const double left = judge->begun ? judge->price[i] : 0;
+        double price = (judge->begun ? fmin(FADE * left + STEP, FADE * diagonal) : 0) + c;
         price = fmin(price, above + STEP + c);
         diagonal = left;
-        above = j->price[i] = price;
-        if (price < j->price[best])
+        above = judge->price[i] = price;
+        if (price < judge->price[best])
             best = i;
     }
-    j->begun = true;
+    judge->begun = true;
     return best;
 }
 
 // Keeps the frame's differences to the reference's.
-static void keep(struct live_judge *j, const struct movement_frame *frame, const struct movement_frame *x)
+static void keep_differences(struct live_judge *judge, const struct movement_frame *frame,
+                             const struct movement_frame *movement_frame)
 {
-    struct judged_frame *to = &j->last[j->next];
-    to->known = frame->known & x->known;
+    struct judged_frame *to = &judge->last[judge->next];
+    to->known = frame->known & movement_frame->known;
     for (int p = 0; p < PART_COUNT; p++)
         for (int k = 0; k < 3; k++)
-            to->difference[p][k] = frame->direction[p][k] - x->direction[p][k];
-    j->next = (j->next + 1) % AVERAGED;
-    j->count += j->count < AVERAGED;
+            to->difference[p][k] = frame->direction[p][k] - movement_frame->direction[p][k];
+    judge->next = (judge->next + 1) % AVERAGED;
+    judge->count += judge->count < AVERAGED;
 }
 
-static double mean_angle(const struct live_judge *j, int p)
+static double mean_angle(const struct live_judge *judge, int p)
 {
     double sum[3] = {0};
     int used = 0;
-    for (int i = 0; i < j->count; i++) {
-        const struct judged_frame *f = &j->last[i];
+    for (int i = 0; i < judge->count; i++) {
+        const struct judged_frame *f = &judge->last[i];
         if (!(f->known >> p & 1))
             continue;
         for (int k = 0; k < 3; k++)
@@ -157,26 +158,27 @@ static double mean_angle(const struct live_judge *j, int p)
     return 2 * portable_asin(fmin(1, 0.5 * chord));
 }
 
-void live_judge_frame(struct live_judge *j, const struct movement_frame *frame, int32_t *reference,
+void live_judge_frame(struct live_judge *judge, const struct movement_frame *frame, int32_t *reference,
                       struct part_difference parts[PART_COUNT])
 {
-    *reference = advance(j, frame);
-    const struct movement_frame *x = &j->reference->frames[*reference];
-    keep(j, frame, x);
+    *reference = advance_alignment(judge, frame);
+    const struct movement_frame *movement_frame = &judge->reference->frames[*reference];
+    keep_differences(judge, frame, movement_frame);
     for (int p = 0; p < PART_COUNT; p++) {
         parts[p] = (struct part_difference){NAN, NAN, VERDICT_UNKNOWN};
-        if (!(frame->known & x->known & 1u << p))
+        if (!(frame->known & movement_frame->known & 1u << p))
             continue;
-        const double angle = mean_angle(j, p),
-                     sigma = sqrt((double)x->sigma[p] * x->sigma[p] + (double)frame->sigma[p] * frame->sigma[p]);
+        const double angle = mean_angle(judge, p),
+                     sigma = sqrt((double)movement_frame->sigma[p] * movement_frame->sigma[p] +
+                                  (double)frame->sigma[p] * frame->sigma[p]);
         parts[p].sigma_rad = (float)sigma;
         parts[p].angle_rad = (float)sqrt(fmax(0, angle * angle - sigma * sigma));
         parts[p].verdict = verdict_of(parts[p].angle_rad, parts[p].sigma_rad);
     }
 }
 
-double live_judge_away(const struct live_judge *j, const struct movement_frame *frame, int32_t reference)
+double live_judge_away(const struct live_judge *judge, const struct movement_frame *frame, int32_t reference)
 {
-    const double c = cost(j, reference, frame);
+    const double c = frame_cost(judge, reference, frame);
     return isnan(c) ? NAN : 2 * portable_asin(fmin(1, 0.5 * sqrt(c)));
 }

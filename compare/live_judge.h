@@ -11,23 +11,23 @@ struct live_judge;
 
 // Borrows the reference, which must outlive it. ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status live_judge_open(struct live_judge **out, const struct movement *reference);
-void live_judge_close(struct live_judge **j);  // NULL is fine; sets *j = NULL
-void live_judge_restart(struct live_judge *j); // the next frame is the first; the window stays
+void live_judge_close(struct live_judge **judge);  // NULL is fine; sets *judge = NULL
+void live_judge_restart(struct live_judge *judge); // the next frame is the first; the window stays
 
 // From the next frame on this is the reference: of as many frames, as its mirror image is. Borrowed, too. Another one
 // than before restarts the judge.
-void live_judge_set_reference(struct live_judge *j, const struct movement *reference);
+void live_judge_set_reference(struct live_judge *judge, const struct movement *reference);
 
 // From the next frame on only the reference's frames first .. end - 1 are considered, cut to those that there are;
 // at least one remains. Paths that have left the window are forgotten. Initially all frames.
-void live_judge_set_window(struct live_judge *j, int32_t first, int32_t end);
+void live_judge_set_window(struct live_judge *judge, int32_t first, int32_t end);
 
 // The next frame, about 1 / MOVEMENT_RATE_HZ s after the last (movement_frame_from_joints makes one). *reference: the
 // reference's frame; parts: [PART_COUNT], against that frame; averaged over this frame and up to four before it, as
 // part_differences averages about a frame.
-void live_judge_frame(struct live_judge *j, const struct movement_frame *frame, int32_t *reference,
+void live_judge_frame(struct live_judge *judge, const struct movement_frame *frame, int32_t *reference,
                       struct part_difference parts[PART_COUNT]);
 
 // How far the pose is from the reference's at that frame: the root mean square over the parts known in both, rad; NaN
 // where there is none.
-double live_judge_away(const struct live_judge *j, const struct movement_frame *frame, int32_t reference);
+double live_judge_away(const struct live_judge *judge, const struct movement_frame *frame, int32_t reference);

@@ -15,61 +15,61 @@ static bool is_before(const struct sliding_value *a, const struct sliding_value 
     return a->value < b->value || (!(a->value > b->value) && a->frame < b->frame);
 }
 
-void sliding_add(struct sliding_quantile *s, int32_t frame, float value, float weight)
+void sliding_add(struct sliding_quantile *quantile, int32_t frame, float value, float weight)
 {
     const struct sliding_value added = {value, weight, frame};
-    assert(s->count < SLIDING_MOST);
-    int32_t at = s->count++;
-    for (; at > 0 && is_before(&added, &s->at[at - 1]); at--)
-        s->at[at] = s->at[at - 1];
-    s->at[at] = added;
+    assert(quantile->count < SLIDING_MAX);
+    int32_t at = quantile->count++;
+    for (; at > 0 && is_before(&added, &quantile->at[at - 1]); at--)
+        quantile->at[at] = quantile->at[at - 1];
+    quantile->at[at] = added;
 }
 
-void sliding_remove(struct sliding_quantile *s, int32_t frame)
+void sliding_remove(struct sliding_quantile *quantile, int32_t frame)
 {
-    for (int32_t k = 0; k < s->count; k++)
-        if (s->at[k].frame == frame) {
-            memmove(&s->at[k], &s->at[k + 1], (size_t)(s->count - k - 1) * sizeof s->at[k]);
-            s->count--;
+    for (int32_t k = 0; k < quantile->count; k++)
+        if (quantile->at[k].frame == frame) {
+            memmove(&quantile->at[k], &quantile->at[k + 1], (size_t)(quantile->count - k - 1) * sizeof quantile->at[k]);
+            quantile->count--;
             return;
         }
 }
 
-double sliding_quantile_of(const struct sliding_quantile *s, double sum, double share)
+double sliding_quantile_of(const struct sliding_quantile *quantile, double sum, double share)
 {
     double before = 0;
-    for (int32_t k = 0; k < s->count; k++) {
-        before += s->at[k].weight;
+    for (int32_t k = 0; k < quantile->count; k++) {
+        before += quantile->at[k].weight;
         if (before >= share * sum)
-            return s->at[k].value;
+            return quantile->at[k].value;
     }
     return NAN;
 }
 
 // ---------------------------------------------------------------- angles
 
-const char *body_angle_name(enum body_angle a)
+const char *body_angle_name(enum body_angle angle)
 {
     static const char *const names[BODY_ANGLES] = {
         "left_elbow",    "right_elbow",    "left_knee",  "right_knee",      "left_hip",    "right_hip",
         "left_shoulder", "right_shoulder", "trunk_lean", "trunk_side_lean", "trunk_twist", "head",
     };
-    return names[a];
+    return names[angle];
 }
 
-static struct vec3 vector(const float d[3]) { return v3(d[0], d[1], d[2]); }
+static struct vec3 vec3_from_floats(const float d[3]) { return v3(d[0], d[1], d[2]); }
 
-static bool is_known(const struct movement_frame *f, enum part p) { return f->known >> p & 1; }
+static bool is_known(const struct movement_frame *frame, enum part part) { return frame->known >> part & 1; }
 
-bool trunk_direction(const struct movement_frame *f, struct vec3 *direction, double *sigma)
+bool trunk_direction(const struct movement_frame *frame, struct vec3 *direction, double *sigma)
 {
     struct vec3 sum = {0, 0, 0};
     double variance = 0;
     int used = 0;
     for (enum part p = PART_UPPER_TORSO; p <= PART_LOWER_TORSO; p++)
-        if (is_known(f, p)) {
-            sum = v3_add(sum, vector(f->direction[p]));
-            variance += (double)f->sigma[p] * f->sigma[p];
+        if (is_known(frame, p)) {
+            sum = v3_add(sum, vec3_from_floats(frame->direction[p]));
+            variance += (double)frame->sigma[p] * frame->sigma[p];
             used++;
         }
     *direction = v3_unit(sum);
@@ -77,26 +77,31 @@ bool trunk_direction(const struct movement_frame *f, struct vec3 *direction, dou
     return used > 0 && v3_dot(*direction, *direction) > 0; // folded back on itself it points nowhere
 }
 
-static double between(struct vec3 a, struct vec3 b) { return portable_atan2(v3_length(v3_cross(a, b)), v3_dot(a, b)); }
-
-static void set(struct body_angles *out, enum body_angle a, double rad, double sigma_1, double sigma_2)
+static double vector_angle(struct vec3 a, struct vec3 b)
 {
-    out->rad[a] = (float)rad;
-    out->sigma[a] = (float)sqrt(sigma_1 * sigma_1 + sigma_2 * sigma_2);
+    return portable_atan2(v3_length(v3_cross(a, b)), v3_dot(a, b));
 }
 
-static void bend(struct body_angles *out, enum body_angle a, const struct movement_frame *f, enum part near,
-                 enum part far)
+static void set_angle(struct body_angles *out, enum body_angle angle, double rad, double sigma_1, double sigma_2)
 {
-    if (is_known(f, near) && is_known(f, far))
-        set(out, a, between(vector(f->direction[near]), vector(f->direction[far])), f->sigma[near], f->sigma[far]);
+    out->rad[angle] = (float)rad;
+    out->sigma[angle] = (float)sqrt(sigma_1 * sigma_1 + sigma_2 * sigma_2);
+}
+
+static void set_bend_angle(struct body_angles *out, enum body_angle angle, const struct movement_frame *frame,
+                           enum part near, enum part far)
+{
+    if (is_known(frame, near) && is_known(frame, far))
+        set_angle(out, angle,
+                  vector_angle(vec3_from_floats(frame->direction[near]), vec3_from_floats(frame->direction[far])),
+                  frame->sigma[near], frame->sigma[far]);
 }
 
 // An angle about an axis is read off the direction's component across that axis: where that is short, as of the side
 // lean of a person bent level, the angle is ever less certain. Chosen by hand: from half of the length on.
 static double sigma_across(double sigma, double a, double b) { return sigma / fmin(1, 2 * sqrt(a * a + b * b)); }
 
-static void trunk_angles(struct body_angles *out, const struct movement_frame *f, struct vec3 trunk, double sigma)
+static void trunk_angles(struct body_angles *out, const struct movement_frame *frame, struct vec3 trunk, double sigma)
 {
     static const struct {
         enum part part;
@@ -108,36 +113,39 @@ static void trunk_angles(struct body_angles *out, const struct movement_frame *f
         {PART_RIGHT_THIGH, ANGLE_RIGHT_HIP},
     };
     for (size_t i = 0; i < COUNT_OF(limbs); i++)
-        if (is_known(f, limbs[i].part))
-            set(out, limbs[i].angle, between(v3_scale(trunk, -1), vector(f->direction[limbs[i].part])), sigma,
-                f->sigma[limbs[i].part]);
-    set(out, ANGLE_LEAN, portable_atan2(trunk.y, trunk.z), sigma_across(sigma, trunk.y, trunk.z), 0);
-    set(out, ANGLE_SIDE_LEAN, portable_atan2(trunk.x, trunk.z), sigma_across(sigma, trunk.x, trunk.z), 0);
-    if (is_known(f, PART_HEAD))
-        set(out, ANGLE_HEAD, between(trunk, vector(f->direction[PART_HEAD])), sigma, f->sigma[PART_HEAD]);
+        if (is_known(frame, limbs[i].part))
+            set_angle(out, limbs[i].angle,
+                      vector_angle(v3_scale(trunk, -1), vec3_from_floats(frame->direction[limbs[i].part])), sigma,
+                      frame->sigma[limbs[i].part]);
+    set_angle(out, ANGLE_LEAN, portable_atan2(trunk.y, trunk.z), sigma_across(sigma, trunk.y, trunk.z), 0);
+    set_angle(out, ANGLE_SIDE_LEAN, portable_atan2(trunk.x, trunk.z), sigma_across(sigma, trunk.x, trunk.z), 0);
+    if (is_known(frame, PART_HEAD))
+        set_angle(out, ANGLE_HEAD, vector_angle(trunk, vec3_from_floats(frame->direction[PART_HEAD])), sigma,
+                  frame->sigma[PART_HEAD]);
 }
 
-struct body_angles body_angles_of(const struct movement_frame *f)
+struct body_angles body_angles_of(const struct movement_frame *frame)
 {
     struct body_angles out;
     struct vec3 trunk;
     double sigma;
     for (int a = 0; a < BODY_ANGLES; a++)
         out.rad[a] = out.sigma[a] = NAN;
-    bend(&out, ANGLE_LEFT_ELBOW, f, PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM);
-    bend(&out, ANGLE_RIGHT_ELBOW, f, PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM);
-    bend(&out, ANGLE_LEFT_KNEE, f, PART_LEFT_THIGH, PART_LEFT_SHIN);
-    bend(&out, ANGLE_RIGHT_KNEE, f, PART_RIGHT_THIGH, PART_RIGHT_SHIN);
-    const bool have_trunk = trunk_direction(f, &trunk, &sigma);
+    set_bend_angle(&out, ANGLE_LEFT_ELBOW, frame, PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM);
+    set_bend_angle(&out, ANGLE_RIGHT_ELBOW, frame, PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM);
+    set_bend_angle(&out, ANGLE_LEFT_KNEE, frame, PART_LEFT_THIGH, PART_LEFT_SHIN);
+    set_bend_angle(&out, ANGLE_RIGHT_KNEE, frame, PART_RIGHT_THIGH, PART_RIGHT_SHIN);
+    const bool have_trunk = trunk_direction(frame, &trunk, &sigma);
     if (have_trunk)
-        trunk_angles(&out, f, trunk, sigma);
+        trunk_angles(&out, frame, trunk, sigma);
     // Turning to the left brings the left shoulder back: y below zero.
-    if (f->known >> PART_COUNT & 1)
-        set(&out, ANGLE_TWIST, portable_atan2(-f->shoulders[1], f->shoulders[0]), have_trunk ? sigma : 0.1, 0);
+    if (frame->known >> PART_COUNT & 1)
+        set_angle(&out, ANGLE_TWIST, portable_atan2(-frame->shoulders[1], frame->shoulders[0]),
+                  have_trunk ? sigma : 0.1, 0);
     return out;
 }
 
-float body_angle_of(const struct movement_frame *f, enum body_angle a)
+float body_angle_of(const struct movement_frame *frame, enum body_angle angle)
 {
     static const struct {
         enum part near, far; // far PART_HEAD: near against the trunk
@@ -153,20 +161,21 @@ float body_angle_of(const struct movement_frame *f, enum body_angle a)
     };
     struct vec3 trunk;
     double sigma;
-    if (a >= ANGLE_LEAN)
-        return body_angles_of(f).rad[a];
-    if (!is_known(f, of[a].near))
+    if (angle >= ANGLE_LEAN)
+        return body_angles_of(frame).rad[angle];
+    if (!is_known(frame, of[angle].near))
         return NAN;
-    if (of[a].far != PART_HEAD)
-        return is_known(f, of[a].far)
-                   ? (float)between(vector(f->direction[of[a].near]), vector(f->direction[of[a].far]))
-                   : NAN;
-    return trunk_direction(f, &trunk, &sigma) ? (float)between(v3_scale(trunk, -1), vector(f->direction[of[a].near]))
+    if (of[angle].far != PART_HEAD)
+        return is_known(frame, of[angle].far) ? (float)vector_angle(vec3_from_floats(frame->direction[of[angle].near]),
+                                                                    vec3_from_floats(frame->direction[of[angle].far]))
                                               : NAN;
+    return trunk_direction(frame, &trunk, &sigma)
+               ? (float)vector_angle(v3_scale(trunk, -1), vec3_from_floats(frame->direction[of[angle].near]))
+               : NAN;
 }
 
 // The value that would be at `rank` if they were sorted (Hoare's selection); changes their order. No NaN.
-static float ranked(float *values, int32_t count, int32_t rank)
+static float select_rank(float *values, int32_t count, int32_t rank)
 {
     int32_t low = 0, high = count - 1;
     while (low < high) {
@@ -193,8 +202,8 @@ static float ranked(float *values, int32_t count, int32_t rank)
 
 enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t end, struct angle_range out[BODY_ANGLES])
 {
-    const int32_t most = end - first;
-    float *values = malloc((size_t)(most > 0 ? most : 1) * BODY_ANGLES * sizeof *values);
+    const int32_t max = end - first;
+    float *values = malloc((size_t)(max > 0 ? max : 1) * BODY_ANGLES * sizeof *values);
     int32_t count[BODY_ANGLES] = {0};
     if (!values)
         return fail(ERR_MEMORY, "no memory for the ranges of angles");
@@ -202,16 +211,16 @@ enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t e
         const struct body_angles at = body_angles_of(&m->frames[f]);
         for (int a = 0; a < BODY_ANGLES; a++)
             if (!isnan(at.rad[a]))
-                values[(size_t)a * (size_t)most + (size_t)count[a]++] = at.rad[a];
+                values[(size_t)a * (size_t)max + (size_t)count[a]++] = at.rad[a];
     }
     for (int a = 0; a < BODY_ANGLES; a++) {
-        float *of = values + (size_t)a * (size_t)(most > 0 ? most : 0);
+        float *of = values + (size_t)a * (size_t)(max > 0 ? max : 0);
         out[a] = (struct angle_range){NAN, NAN};
         if (count[a] < 5)
             continue;
         const int32_t last = count[a] - 1;
-        out[a].low = ranked(of, count[a], (int32_t)((int64_t)last * 3 / 100));
-        out[a].high = ranked(of, count[a], (int32_t)((int64_t)last * 97 / 100));
+        out[a].low = select_rank(of, count[a], (int32_t)((int64_t)last * 3 / 100));
+        out[a].high = select_rank(of, count[a], (int32_t)((int64_t)last * 97 / 100));
     }
     free(values);
     return OK;
@@ -221,10 +230,10 @@ enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t e
 
 static const double PI = 3.14159265358979323846;
 
-void movement_free(struct movement *m)
+void movement_free(struct movement *movement)
 {
-    free(m->frames);
-    *m = (struct movement){0};
+    free(movement->frames);
+    *movement = (struct movement){0};
 }
 
 enum part mirrored_part(enum part p)
@@ -269,11 +278,11 @@ struct upright {
 
 // By the hips; by the shoulders where a hip is unknown. False: neither pair, or it is vertical.
 static bool upright_of(const struct vec3 joint[JOINT_COUNT], const float sigma_m[JOINT_COUNT],
-                       const bool known[JOINT_COUNT], struct upright *u)
+                       const bool known[JOINT_COUNT], struct upright *upright)
 {
     static const enum joint pairs[2][2] = {{JOINT_LEFT_HIP, JOINT_RIGHT_HIP},
                                            {JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER}};
-    u->up = v3(0, -1, 0);
+    upright->up = v3(0, -1, 0);
     for (int k = 0; k < 2; k++) {
         const enum joint l = pairs[k][0], r = pairs[k][1];
         if (!known[l] || !known[r])
@@ -283,20 +292,20 @@ static bool upright_of(const struct vec3 joint[JOINT_COUNT], const float sigma_m
         const double width = v3_length(left);
         if (!(width >= 0.02)) // NaN, too
             continue;
-        u->left = v3_scale(left, 1 / width);
-        u->ahead = v3_cross(u->left, u->up);
+        upright->left = v3_scale(left, 1 / width);
+        upright->ahead = v3_cross(upright->left, upright->up);
         // Both ends of a pair move with one rigid pelvis or chest: a half of independent errors remains. By hand.
-        u->sigma_heading = 0.5 * sqrt((double)sigma_m[l] * sigma_m[l] + (double)sigma_m[r] * sigma_m[r]) / width;
+        upright->sigma_heading = 0.5 * sqrt((double)sigma_m[l] * sigma_m[l] + (double)sigma_m[r] * sigma_m[r]) / width;
         return true;
     }
     return false;
 }
 
-static void in_frame(const struct upright *u, struct vec3 v, float out[3])
+static void in_frame(const struct upright *upright, struct vec3 v, float out[3])
 {
-    out[0] = (float)v3_dot(v, u->left);
-    out[1] = (float)v3_dot(v, u->ahead);
-    out[2] = (float)v3_dot(v, u->up);
+    out[0] = (float)v3_dot(v, upright->left);
+    out[1] = (float)v3_dot(v, upright->ahead);
+    out[2] = (float)v3_dot(v, upright->up);
 }
 
 // A part's direction errs less than its ends' standard deviations say: both ends err together, and a tracker's
@@ -310,19 +319,20 @@ struct measured_joints {
     const float *sigma_m;
 };
 
-static void direction_of(const struct upright *u, struct measured_joints joints, struct part_ends ends,
+static void direction_of(const struct upright *upright, struct measured_joints joints, struct part_ends ends,
                          float direction[3], float *sigma)
 {
     const enum joint from = ends.from, to = ends.to;
     const float *sigma_m = joints.sigma_m;
     const struct vec3 v = v3_sub(joints.joint[to], joints.joint[from]);
     const double length = v3_length(v);
-    in_frame(u, v3_unit(v), direction);
+    in_frame(upright, v3_unit(v), direction);
     const double across2 =
         ((double)sigma_m[from] * sigma_m[from] + (double)sigma_m[to] * sigma_m[to]) / fmax(length * length, 1e-4);
     const double level2 = (double)direction[0] * direction[0] + (double)direction[1] * direction[1];
     if (sigma)
-        *sigma = (float)fmin(PI, DIRECTION_SHARE * sqrt(across2 + 0.5 * level2 * u->sigma_heading * u->sigma_heading));
+        *sigma = (float)fmin(PI, DIRECTION_SHARE *
+                                     sqrt(across2 + 0.5 * level2 * upright->sigma_heading * upright->sigma_heading));
 }
 
 // False for NaN, too.
@@ -357,7 +367,7 @@ void movement_frame_from_joints(const struct vec3 joint[JOINT_COUNT], const floa
 
 // ------------------------------------------------------------- resampling
 
-enum { MOST_GAP_NS = 250000000, KERNEL_HALF = 4 }; // KERNEL_HALF: 2.7 standard deviations of 1.5 frames
+enum { MAX_GAP_NS = 250000000, KERNEL_HALF = 4 }; // KERNEL_HALF: 2.7 standard deviations of 1.5 frames
 
 // One joint over a block of the movement's frames and KERNEL_HALF more to each side: hours of frames need no more.
 enum { BLOCK = 512, LINE = BLOCK + 2 * KERNEL_HALF };
@@ -369,20 +379,21 @@ struct joint_line {
     int64_t before, after; // samples that know the joint, about the last frame; -1: none
 };
 
-static int64_t next_known(const struct joint_samples *s, enum joint j, int64_t from)
+static int64_t next_known(const struct joint_samples *samples, enum joint joint, int64_t from)
 {
-    while (from < s->count && !(s->at[from].skeleton.confidence[j] > 0))
+    while (from < samples->count && !(samples->at[from].skeleton.confidence[joint] > 0))
         from++;
-    return from < s->count ? from : -1;
+    return from < samples->count ? from : -1;
 }
 
 // Frames in their order, one after the other.
-static void resample_joint(const struct joint_samples *s, enum joint j, int32_t f, struct joint_line *line, int32_t at)
+static void resample_joint(const struct joint_samples *samples, enum joint joint, int32_t f, struct joint_line *line,
+                           int32_t at)
 {
     const int64_t time_ns = (int64_t)((double)f * 1e9 / MOVEMENT_RATE_HZ);
-    while (line->after >= 0 && s->at[line->after].time_ns <= time_ns) {
+    while (line->after >= 0 && samples->at[line->after].time_ns <= time_ns) {
         line->before = line->after;
-        line->after = next_known(s, j, line->after + 1);
+        line->after = next_known(samples, joint, line->after + 1);
     }
     const int64_t before = line->before, after = line->after;
     line->known[at] = false;
@@ -390,12 +401,13 @@ static void resample_joint(const struct joint_samples *s, enum joint j, int32_t 
     line->position[at] = v3(0, 0, 0);
     if (before < 0 && after < 0)
         return;
-    const struct joint_sample *a = &s->at[before < 0 ? after : before], *b = &s->at[after < 0 ? before : after];
-    const int64_t gap_ns = b->time_ns - a->time_ns;
-    const double t = gap_ns > 0 ? (double)(time_ns - a->time_ns) / (double)gap_ns : 0;
-    line->position[at] = v3_mix(a->skeleton.joint[j], b->skeleton.joint[j], t);
-    line->sigma_m[at] = a->sigma_m[j] > b->sigma_m[j] ? a->sigma_m[j] : b->sigma_m[j];
-    line->known[at] = gap_ns > 0 ? gap_ns <= MOST_GAP_NS : llabs(time_ns - a->time_ns) <= MOST_GAP_NS / 2;
+    const struct joint_sample *sample = &samples->at[before < 0 ? after : before],
+                              *b = &samples->at[after < 0 ? before : after];
+    const int64_t gap_ns = b->time_ns - sample->time_ns;
+    const double t = gap_ns > 0 ? (double)(time_ns - sample->time_ns) / (double)gap_ns : 0;
+    line->position[at] = v3_mix(sample->skeleton.joint[joint], b->skeleton.joint[joint], t);
+    line->sigma_m[at] = sample->sigma_m[joint] > b->sigma_m[joint] ? sample->sigma_m[joint] : b->sigma_m[joint];
+    line->known[at] = gap_ns > 0 ? gap_ns <= MAX_GAP_NS : llabs(time_ns - sample->time_ns) <= MAX_GAP_NS / 2;
 }
 
 // All joints over the frames first..end - 1.
@@ -405,36 +417,36 @@ struct lines {
     int32_t first, end;
 };
 
-static struct lines *lines_open(const struct joint_samples *s)
+static struct lines *lines_open(const struct joint_samples *samples)
 {
     struct lines *l = calloc(1, sizeof *l);
     for (int k = 0; k <= KERNEL_HALF && l; k++)
         l->kernel[k] = portable_exp(-0.5 * k * k / (1.5 * 1.5));
     for (int j = 0; j < JOINT_COUNT && l; j++) {
         l->joint[j].before = -1;
-        l->joint[j].after = next_known(s, (enum joint)j, 0);
+        l->joint[j].after = next_known(samples, (enum joint)j, 0);
     }
     return l;
 }
 
 // On to the frames first..end - 1, which follow or overlap those that are there.
-static void lines_move(struct lines *l, const struct joint_samples *s, int32_t first, int32_t end)
+static void lines_move(struct lines *lines, const struct joint_samples *samples, int32_t first, int32_t end)
 {
-    const int32_t skip = first - l->first, kept = l->end - first;
+    const int32_t skip = first - lines->first, kept = lines->end - first;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        struct joint_line *line = &l->joint[j];
+        struct joint_line *line = &lines->joint[j];
         memmove(line->position, line->position + skip, (size_t)kept * sizeof *line->position);
         memmove(line->sigma_m, line->sigma_m + skip, (size_t)kept * sizeof *line->sigma_m);
         memmove(line->known, line->known + skip, (size_t)kept * sizeof *line->known);
-        for (int32_t f = l->end; f < end; f++)
-            resample_joint(s, (enum joint)j, f, line, f - first);
+        for (int32_t f = lines->end; f < end; f++)
+            resample_joint(samples, (enum joint)j, f, line, f - first);
     }
-    l->first = first;
-    l->end = end;
+    lines->first = first;
+    lines->end = end;
 }
 
 // Frame f of a movement of `count`.
-static void smooth_joint(const struct lines *l, struct joint_line *line, int32_t f, int32_t count)
+static void smooth_joint(const struct lines *lines, struct joint_line *line, int32_t f, int32_t count)
 {
     struct vec3 sum = {0, 0, 0};
     double weight = 0;
@@ -443,83 +455,84 @@ static void smooth_joint(const struct lines *l, struct joint_line *line, int32_t
     half = f < half ? f : half;
     half = count - 1 - f < half ? count - 1 - f : half;
     for (int k = -half; k <= half; k++) {
-        const double w = l->kernel[abs(k)];
-        sum = v3_add(sum, v3_scale(line->position[f - l->first + k], w));
+        const double w = lines->kernel[abs(k)];
+        sum = v3_add(sum, v3_scale(line->position[f - lines->first + k], w));
         weight += w;
     }
-    line->smooth[f - l->first] = v3_scale(sum, 1 / weight);
+    line->smooth[f - lines->first] = v3_scale(sum, 1 / weight);
 }
 
 // ------------------------------------------------------------- the whole
 
-static void unwrap_heading(struct movement *m)
+static void unwrap_heading(struct movement *movement)
 {
-    for (int32_t f = 1; f < m->count; f++) {
-        const double turns = floor(((double)m->frames[f].heading - m->frames[f - 1].heading) / (2 * PI) + 0.5);
-        m->frames[f].heading -= (float)(2 * PI * turns);
+    for (int32_t f = 1; f < movement->count; f++) {
+        const double turns =
+            floor(((double)movement->frames[f].heading - movement->frames[f - 1].heading) / (2 * PI) + 0.5);
+        movement->frames[f].heading -= (float)(2 * PI * turns);
     }
 }
 
-static int ascending(const void *a, const void *b)
+static int compare_floats(const void *a, const void *b)
 {
     const float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
 }
 
-static enum status summarise(struct movement *m)
+static enum status summarise_movement(struct movement *movement)
 {
-    float *values = malloc((size_t)m->count * sizeof *values);
+    float *values = malloc((size_t)movement->count * sizeof *values);
     if (!values)
         return fail(ERR_MEMORY, "no memory for a movement");
     for (int p = 0; p < PART_COUNT; p++) {
         int32_t count = 0;
-        for (int32_t f = 0; f < m->count; f++)
-            if (m->frames[f].known >> p & 1)
-                values[count++] = m->frames[f].sigma[p];
+        for (int32_t f = 0; f < movement->count; f++)
+            if (movement->frames[f].known >> p & 1)
+                values[count++] = movement->frames[f].sigma[p];
         if (count)
-            qsort(values, (size_t)count, sizeof *values, ascending);
-        m->sigma_typical[p] = count ? values[count / 2] : 0;
-        if (count > 0 && 10 * (int64_t)count >= m->count)
-            m->ever_known |= (uint16_t)(1u << p);
+            qsort(values, (size_t)count, sizeof *values, compare_floats);
+        movement->sigma_typical[p] = count ? values[count / 2] : 0;
+        if (count > 0 && 10 * (int64_t)count >= movement->count)
+            movement->ever_known |= (uint16_t)(1u << p);
     }
     free(values);
     return OK;
 }
 
 // Directions over gaps come from bridged joints and are marked unknown.
-static void frame_of(const struct lines *l, const bool ever[JOINT_COUNT], int32_t f, struct movement_frame *out)
+static void frame_of(const struct lines *lines, const bool ever[JOINT_COUNT], int32_t f, struct movement_frame *out)
 {
-    const int32_t at = f - l->first;
+    const int32_t at = f - lines->first;
     struct vec3 joint[JOINT_COUNT];
     float sigma_m[JOINT_COUNT];
     for (int j = 0; j < JOINT_COUNT; j++) {
-        joint[j] = l->joint[j].smooth[at];
-        sigma_m[j] = l->joint[j].sigma_m[at];
+        joint[j] = lines->joint[j].smooth[at];
+        sigma_m[j] = lines->joint[j].sigma_m[at];
     }
     movement_frame_from_joints(joint, sigma_m, ever, out);
-    const bool hips = l->joint[JOINT_LEFT_HIP].known[at] && l->joint[JOINT_RIGHT_HIP].known[at],
-               shoulders = l->joint[JOINT_LEFT_SHOULDER].known[at] && l->joint[JOINT_RIGHT_SHOULDER].known[at];
+    const bool hips = lines->joint[JOINT_LEFT_HIP].known[at] && lines->joint[JOINT_RIGHT_HIP].known[at],
+               shoulders = lines->joint[JOINT_LEFT_SHOULDER].known[at] && lines->joint[JOINT_RIGHT_SHOULDER].known[at];
     for (int p = 0; p < PART_COUNT; p++)
-        if (!l->joint[outward[p].from].known[at] || !l->joint[outward[p].to].known[at] || !(hips || shoulders))
+        if (!lines->joint[outward[p].from].known[at] || !lines->joint[outward[p].to].known[at] || !(hips || shoulders))
             out->known &= (uint16_t) ~(1u << p);
     if (!shoulders)
         out->known &= (uint16_t) ~(1u << PART_COUNT);
 }
 
 // Fills all frames, and counts those that know a joint.
-static void fill_frames(const struct joint_samples *samples, const bool ever[JOINT_COUNT], struct lines *l,
+static void fill_frames(const struct joint_samples *samples, const bool ever[JOINT_COUNT], struct lines *lines,
                         struct movement *out, int64_t known[JOINT_COUNT])
 {
     for (int32_t first = 0; first < out->count; first += BLOCK) {
         const int32_t end = out->count - first > BLOCK ? first + BLOCK : out->count;
-        lines_move(l, samples, first > KERNEL_HALF ? first - KERNEL_HALF : 0,
+        lines_move(lines, samples, first > KERNEL_HALF ? first - KERNEL_HALF : 0,
                    out->count - end > KERNEL_HALF ? end + KERNEL_HALF : out->count);
         for (int32_t f = first; f < end; f++) {
             for (int j = 0; j < JOINT_COUNT; j++) {
-                smooth_joint(l, &l->joint[j], f, out->count);
-                known[j] += l->joint[j].known[f - l->first];
+                smooth_joint(lines, &lines->joint[j], f, out->count);
+                known[j] += lines->joint[j].known[f - lines->first];
             }
-            frame_of(l, ever, f, &out->frames[f]);
+            frame_of(lines, ever, f, &out->frames[f]);
         }
     }
 }
@@ -535,9 +548,9 @@ enum status movement_from_samples(const struct joint_samples *samples, struct mo
         return fail(ERR_INPUT,
                     "neither both hips nor both shoulders are known at any time, so there is nothing to compare");
     const double seconds = (double)samples->at[samples->count - 1].time_ns * 1e-9;
-    if (seconds > MOVEMENT_HOURS_MOST * 3600.0)
+    if (seconds > MOVEMENT_HOURS_MAX * 3600.0)
         return fail(ERR_INPUT, "a movement of %.1f hours cannot be compared; at most %d are", seconds / 3600,
-                    MOVEMENT_HOURS_MOST);
+                    MOVEMENT_HOURS_MAX);
     out->count = (int32_t)(seconds * MOVEMENT_RATE_HZ + 1e-6) + 1;
     out->frames = calloc((size_t)out->count, sizeof *out->frames);
     struct lines *lines = lines_open(samples);
@@ -551,7 +564,7 @@ enum status movement_from_samples(const struct joint_samples *samples, struct mo
     }
     if (status == OK) {
         unwrap_heading(out);
-        status = summarise(out);
+        status = summarise_movement(out);
     }
     free(lines);
     if (status != OK)
@@ -586,14 +599,14 @@ enum status movement_read(const char *path, const char *take, struct movement *o
     return status;
 }
 
-static enum joint mirrored_joint(enum joint j)
+static enum joint mirrored_joint(enum joint joint)
 {
-    const bool arm = j >= JOINT_LEFT_SHOULDER && j <= JOINT_RIGHT_HAND, leg = j >= JOINT_LEFT_HIP;
-    const bool left = arm ? j < JOINT_RIGHT_SHOULDER : j < JOINT_RIGHT_HIP;
+    const bool arm = joint >= JOINT_LEFT_SHOULDER && joint <= JOINT_RIGHT_HAND, leg = joint >= JOINT_LEFT_HIP;
+    const bool left = arm ? joint < JOINT_RIGHT_SHOULDER : joint < JOINT_RIGHT_HIP;
     const int across = JOINT_RIGHT_SHOULDER - JOINT_LEFT_SHOULDER;
     if (!arm && !leg)
-        return j;
-    return (enum joint)(left ? (int)j + across : (int)j - across);
+        return joint;
+    return (enum joint)(left ? (int)joint + across : (int)joint - across);
 }
 
 enum status movement_mirror(const struct movement *m, struct movement *out)
@@ -635,15 +648,15 @@ enum status movement_mirror(const struct movement *m, struct movement *out)
     return OK;
 }
 
-void movement_equal_say(const struct movement *m, double scale[PART_COUNT])
+void movement_equal_say(const struct movement *movement, double scale[PART_COUNT])
 {
     for (int p = 0; p < PART_COUNT; p++) {
         double sum[3] = {0}, count = 0;
-        for (int32_t f = 0; f < m->count; f++) {
-            if (!(m->frames[f].known >> p & 1))
+        for (int32_t f = 0; f < movement->count; f++) {
+            if (!(movement->frames[f].known >> p & 1))
                 continue;
             for (int k = 0; k < 3; k++)
-                sum[k] += m->frames[f].direction[p][k];
+                sum[k] += movement->frames[f].direction[p][k];
             count++;
         }
         const double mean2 = count > 0 ? (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / (count * count) : 1;

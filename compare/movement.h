@@ -9,31 +9,32 @@
 // fastest blows here). A joint unknown for more than a quarter of a second leaves its parts unknown; for the time
 // alignment only, such a gap is bridged linearly.
 #pragma once
-#include <stdint.h>
 #include "compare/alignment.h"
 #include "compare/joint_samples.h"
+
+#include <stdint.h>
 
 // ---------------------------------------------------------------- sliding quantile
 
 // A weighed quantile over a window that slides along a series: values are kept sorted, those of equal value in the
 // order of their frames, so that the result has the bits of sorting each window anew by a stable sort.
 
-enum { SLIDING_MOST = 61 };
+enum { SLIDING_MAX = 61 };
 
 struct sliding_quantile {
     struct sliding_value {
         float value, weight;
         int32_t frame;
-    } at[SLIDING_MOST];
+    } at[SLIDING_MAX];
     int32_t count; // 0: empty
 };
 
-// At most SLIDING_MOST values; no NaN; a frame once.
-void sliding_add(struct sliding_quantile *s, int32_t frame, float value, float weight);
-void sliding_remove(struct sliding_quantile *s, int32_t frame); // one that is not in it is fine
+// At most SLIDING_MAX values; no NaN; a frame once.
+void sliding_add(struct sliding_quantile *quantile, int32_t frame, float value, float weight);
+void sliding_remove(struct sliding_quantile *quantile, int32_t frame); // one that is not in it is fine
 
 // The value below which `share` of the weight is. sum: of the weights, added in the order of the frames. NaN: empty.
-double sliding_quantile_of(const struct sliding_quantile *s, double sum, double share);
+double sliding_quantile_of(const struct sliding_quantile *quantile, double sum, double share);
 
 // ---------------------------------------------------------------- movement
 
@@ -55,13 +56,13 @@ struct movement {
     uint16_t joints_ever, joints_often; // joints known at all, and in at least a tenth of the frames
     float sigma_typical[PART_COUNT];    // median over the frames that know the part, rad
 };
-void movement_free(struct movement *m); // zeroed is fine; leaves it zeroed
+void movement_free(struct movement *movement); // zeroed is fine; leaves it zeroed
 
 // Longer ones are refused: they would take more memory than a tablet has.
-#define MOVEMENT_HOURS_MOST 12
+#define MOVEMENT_HOURS_MAX 12
 
 // ERR_INPUT: neither hips nor shoulders are ever known, so there is no upright frame; or the samples last longer than
-// MOVEMENT_HOURS_MOST. ERR_MEMORY. On failure *out is zeroed. The samples' axes are joint_samples.h's.
+// MOVEMENT_HOURS_MAX. ERR_MEMORY. On failure *out is zeroed. The samples' axes are joint_samples.h's.
 MUST_CHECK enum status movement_from_samples(const struct joint_samples *samples, struct movement *out);
 
 // From a recording (take NULL: its only one) or a joints-csv file. ERR_INPUT: a take's name was given for a csv file;
@@ -86,7 +87,7 @@ MUST_CHECK enum status movement_features(const struct movement *m, uint16_t part
 // Scales by which each part that moves has about the same say, however far it swings: 1 / sqrt(1 + variance / (18
 // degrees)^2), the variance of its directions in m; so that one limb's timing does not decide the time alignment.
 // The 18 degrees by hand.
-void movement_equal_say(const struct movement *m, double scale[PART_COUNT]);
+void movement_equal_say(const struct movement *movement, double scale[PART_COUNT]);
 
 // The part on the other side; the trunk's and the head's is itself.
 enum part mirrored_part(enum part p);
@@ -116,20 +117,20 @@ enum body_angle {
     BODY_ANGLES
 };
 
-const char *body_angle_name(enum body_angle a); // "left_elbow", "trunk_lean", ...
+const char *body_angle_name(enum body_angle angle); // "left_elbow", "trunk_lean", ...
 
 struct body_angles {
     float rad[BODY_ANGLES];   // NaN where unknown
     float sigma[BODY_ANGLES]; // standard deviation, rad
 };
-struct body_angles body_angles_of(const struct movement_frame *f);
+struct body_angles body_angles_of(const struct movement_frame *frame);
 
 // One of them alone, rad; the same bits.
-float body_angle_of(const struct movement_frame *f, enum body_angle a);
+float body_angle_of(const struct movement_frame *frame, enum body_angle angle);
 
 // The trunk's direction from waist to neck: the mean of both torso parts, or the one that is known. False: neither, or
 // they point opposite ways.
-bool trunk_direction(const struct movement_frame *f, struct vec3 *direction, double *sigma);
+bool trunk_direction(const struct movement_frame *frame, struct vec3 *direction, double *sigma);
 
 // The range an angle goes through in a movement's frames first..end - 1: 3rd and 97th percentile, so that a single
 // wrong frame does not make it. NaN where the angle is known in fewer than 5 frames. ERR_MEMORY.

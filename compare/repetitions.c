@@ -7,7 +7,7 @@
 // ---------------------------------------------------------------- pieces
 
 // By hand. A piece shorter than this is a matter of pace.
-enum { LEAST_PIECE = 12, LEAST_PAUSE = 10 };
+enum { MIN_PIECE = 12, MIN_PAUSE = 10 };
 // A piece has content if some part leaves the poses at its ends by more (chord of 25 degrees).
 static const double MOVED_CHORD = 0.433;
 // The same for what is added (60 degrees): less may be the same movement done too far.
@@ -15,19 +15,19 @@ static const double ADDED_CHORD = 1;
 // While B goes through a piece that A lacks, or waits, A advances at most at this share of the pace.
 static const double STANDSTILL = 0.25;
 
-void pace_free(struct pace *p)
+void pace_free(struct pace *pace)
 {
-    free(p->pieces);
-    *p = (struct pace){0};
+    free(pace->pieces);
+    *pace = (struct pace){0};
 }
 
-static enum status add(struct pace *p, struct piece piece)
+static enum status add_piece(struct pace *pace, struct piece piece)
 {
-    struct piece *more = realloc(p->pieces, (size_t)(p->piece_count + 1) * sizeof *more);
+    struct piece *more = realloc(pace->pieces, (size_t)(pace->piece_count + 1) * sizeof *more);
     if (!more)
         return fail(ERR_MEMORY, "no memory for the times of two movements");
-    p->pieces = more;
-    p->pieces[p->piece_count++] = piece;
+    pace->pieces = more;
+    pace->pieces[pace->piece_count++] = piece;
     return OK;
 }
 
@@ -53,19 +53,19 @@ struct pose_pair {
 };
 
 // Does the movement leave both poses within first..end - 1?
-static bool has_content(const struct movement *m, int32_t first, int32_t end, struct pose_pair poses, uint16_t parts,
-                        double chord)
+static bool has_content(const struct movement *movement, int32_t first, int32_t end, struct pose_pair poses,
+                        uint16_t parts, double chord)
 {
     for (int32_t f = first; f < end; f++)
-        if (farthest_part(&m->frames[f], poses.before, parts) > chord &&
-            farthest_part(&m->frames[f], poses.after, parts) > chord)
+        if (farthest_part(&movement->frames[f], poses.before, parts) > chord &&
+            farthest_part(&movement->frames[f], poses.after, parts) > chord)
             return true;
     return false;
 }
 
-static double turned(const struct movement *m, int32_t first, int32_t end)
+static double heading_change(const struct movement *movement, int32_t first, int32_t end)
 {
-    return end > first ? (double)m->frames[end - 1].heading - m->frames[first].heading : 0;
+    return end > first ? (double)movement->frames[end - 1].heading - movement->frames[first].heading : 0;
 }
 
 struct walk {
@@ -77,67 +77,68 @@ struct walk {
 };
 
 // A jumps ahead between two frames of B.
-static enum status look_for_jump(struct walk *w, int32_t j, int32_t next)
+static enum status look_for_jump(struct walk *walk, int32_t j, int32_t next)
 {
-    const double from = w->reference[j], to = w->reference[next];
-    if (to - from < LEAST_PIECE + (next - j))
+    const double from = walk->reference[j], to = walk->reference[next];
+    if (to - from < MIN_PIECE + (next - j))
         return OK;
     struct piece piece = {.a_first = (int32_t)from + 1, .a_end = (int32_t)to, .b_first = j, .b_end = next};
-    const struct movement_frame before = movement_at(w->a, from), after = movement_at(w->a, to);
+    const struct movement_frame before = movement_at(walk->a, from), after = movement_at(walk->a, to);
     // Out and back to the same pose: less of it may be the same movement with a smaller range.
-    const bool back = farthest_part(&before, &after, w->parts) < MOVED_CHORD;
-    const bool content = has_content(w->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after}, w->parts,
-                                     back ? ADDED_CHORD : MOVED_CHORD);
+    const bool back = farthest_part(&before, &after, walk->parts) < MOVED_CHORD;
+    const bool content = has_content(walk->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after},
+                                     walk->parts, back ? ADDED_CHORD : MOVED_CHORD);
     if (!content && back &&
-        has_content(w->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after}, w->parts, MOVED_CHORD))
+        has_content(walk->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after}, walk->parts, MOVED_CHORD))
         return OK;
     piece.kind = content ? PIECE_MISSING : PIECE_PAUSE_SKIPPED;
-    piece.turned_rad = turned(w->a, piece.a_first, piece.a_end);
+    piece.turned_rad = heading_change(walk->a, piece.a_first, piece.a_end);
     if (content)
-        w->pace->missing += piece.a_end - piece.a_first;
-    return add(w->pace, piece);
+        walk->pace->missing += piece.a_end - piece.a_first;
+    return add_piece(walk->pace, piece);
 }
 
 // A stands still over first..end - 1 of B.
-static enum status look_for_halt(struct walk *w, int32_t first, int32_t end)
+static enum status look_for_halt(struct walk *walk, int32_t first, int32_t end)
 {
-    if (end - first < LEAST_PAUSE)
+    if (end - first < MIN_PAUSE)
         return OK;
-    const int32_t a_first = (int32_t)w->reference[first], a_end = (int32_t)w->reference[end - 1] + 1;
+    const int32_t a_first = (int32_t)walk->reference[first], a_end = (int32_t)walk->reference[end - 1] + 1;
     struct piece piece = {.a_first = a_first, .a_end = a_end, .b_first = first, .b_end = end};
-    const struct movement_frame before = movement_at(w->a, a_first), after = movement_at(w->a, a_end - 1);
-    const bool content = end - first >= LEAST_PIECE &&
-                         has_content(w->b, first, end, (struct pose_pair){&before, &after}, w->parts, ADDED_CHORD) &&
-                         has_content(w->b, first, end, (struct pose_pair){&w->b->frames[first], &w->b->frames[end - 1]},
-                                     w->parts, ADDED_CHORD);
+    const struct movement_frame before = movement_at(walk->a, a_first), after = movement_at(walk->a, a_end - 1);
+    const bool content =
+        end - first >= MIN_PIECE &&
+        has_content(walk->b, first, end, (struct pose_pair){&before, &after}, walk->parts, ADDED_CHORD) &&
+        has_content(walk->b, first, end, (struct pose_pair){&walk->b->frames[first], &walk->b->frames[end - 1]},
+                    walk->parts, ADDED_CHORD);
     piece.kind = content ? PIECE_EXTRA : PIECE_PAUSE;
-    piece.turned_rad = turned(w->b, first, end);
+    piece.turned_rad = heading_change(walk->b, first, end);
     if (content)
-        w->pace->extra += end - first;
-    return add(w->pace, piece);
+        walk->pace->extra += end - first;
+    return add_piece(walk->pace, piece);
 }
 
-static enum status look_inside(struct walk *w)
+static enum status look_inside(struct walk *walk)
 {
     enum { STEP = 6 };
-    const struct pace *p = w->pace;
+    const struct pace *p = walk->pace;
     enum status status = OK;
     // Jumps are looked for over a few frames, because the alignment blends over a cut.
     for (int32_t j = p->b_first; j < p->b_end && status == OK;) {
         int32_t next = j + STEP < p->b_end ? j + STEP : p->b_end - 1;
         if (next <= j)
             break;
-        const bool jump = w->reference[next] - w->reference[j] >= LEAST_PIECE + (next - j);
-        status = look_for_jump(w, j, next);
+        const bool jump = walk->reference[next] - walk->reference[j] >= MIN_PIECE + (next - j);
+        status = look_for_jump(walk, j, next);
         j = jump ? next : j + 1;
     }
     int32_t first = p->b_first;
     for (int32_t j = p->b_first + 1; j <= p->b_end && status == OK; j++) {
-        const bool still = j < p->b_end && w->reference[j] - w->reference[first] <= STANDSTILL * (j - first) + 1;
+        const bool still = j < p->b_end && walk->reference[j] - walk->reference[first] <= STANDSTILL * (j - first) + 1;
         if (still)
             continue;
-        if (j - first >= LEAST_PAUSE) {
-            status = look_for_halt(w, first, j);
+        if (j - first >= MIN_PAUSE) {
+            status = look_for_halt(walk, first, j);
             first = j;
         } else {
             first++;
@@ -148,33 +149,33 @@ static enum status look_inside(struct walk *w)
 }
 
 // Frames of A before or after what is aligned whose pose does not occur in what is.
-static enum status look_at_end(struct walk *w, int32_t first, int32_t end, int32_t at_b)
+static enum status look_at_end(struct walk *walk, int32_t first, int32_t end, int32_t at_b)
 {
     int32_t strange_first = end, strange_end = first, count = 0;
     for (int32_t i = first; i < end; i++) {
         bool occurs = false;
-        for (int32_t k = w->pace->a_first; k < w->pace->a_end && !occurs; k += 3)
-            occurs = farthest_part(&w->a->frames[i], &w->a->frames[k], w->parts) < MOVED_CHORD;
+        for (int32_t k = walk->pace->a_first; k < walk->pace->a_end && !occurs; k += 3)
+            occurs = farthest_part(&walk->a->frames[i], &walk->a->frames[k], walk->parts) < MOVED_CHORD;
         if (occurs)
             continue;
         strange_first = i < strange_first ? i : strange_first;
         strange_end = i + 1;
         count++;
     }
-    if (count < LEAST_PIECE)
+    if (count < MIN_PIECE)
         return OK;
-    w->pace->missing += strange_end - strange_first;
-    return add(w->pace, (struct piece){PIECE_MISSING, strange_first, strange_end, at_b, at_b,
-                                       turned(w->a, strange_first, strange_end)});
+    walk->pace->missing += strange_end - strange_first;
+    return add_piece(walk->pace, (struct piece){PIECE_MISSING, strange_first, strange_end, at_b, at_b,
+                                                heading_change(walk->a, strange_first, strange_end)});
 }
 
 // A straight line through the timeline, by least squares, and what deviates from it.
-static void measure_ratio(const struct walk *w)
+static void measure_ratio(const struct walk *walk)
 {
-    struct pace *p = w->pace;
+    struct pace *p = walk->pace;
     double n = 0, sb = 0, sa = 0, sbb = 0, sab = 0, rest = 0;
     for (int32_t j = p->b_first; j < p->b_end; j++) {
-        const double b = j - p->b_first, a = w->reference[j] - p->a_first;
+        const double b = j - p->b_first, a = walk->reference[j] - p->a_first;
         n++;
         sb += b;
         sa += a;
@@ -184,7 +185,7 @@ static void measure_ratio(const struct walk *w)
     const double spread = sbb - sb * sb / n;
     p->ratio = spread > 0 ? (sab - sa * sb / n) / spread : 0;
     for (int32_t j = p->b_first; j < p->b_end; j++) {
-        const double off = (w->reference[j] - p->a_first - sa / n) - p->ratio * (j - p->b_first - sb / n);
+        const double off = (walk->reference[j] - p->a_first - sa / n) - p->ratio * (j - p->b_first - sb / n);
         rest += off * off;
     }
     p->uneven_s = sqrt(rest / n) / MOVEMENT_RATE_HZ;
@@ -192,25 +193,25 @@ static void measure_ratio(const struct walk *w)
 
 // Getting into position and out of it: frames of B at an end that all show A's first or last aligned frame. They are
 // left out where what remains still covers half of A.
-static void leave_out_ends(struct timeline *t, int32_t a_count)
+static void leave_out_ends(struct timeline *timeline, int32_t a_count)
 {
     enum { LEAST = 12 };
-    int32_t first = 0, end = t->count;
-    while (first < end && isnan(t->reference[first]))
+    int32_t first = 0, end = timeline->count;
+    while (first < end && isnan(timeline->reference[first]))
         first++;
-    while (end > first && isnan(t->reference[end - 1]))
+    while (end > first && isnan(timeline->reference[end - 1]))
         end--;
     int32_t head = first, tail = end;
-    while (head < end && t->reference[head] <= t->reference[first] + 1)
+    while (head < end && timeline->reference[head] <= timeline->reference[first] + 1)
         head++;
-    while (tail > first && t->reference[tail - 1] >= t->reference[end - 1] - 1)
+    while (tail > first && timeline->reference[tail - 1] >= timeline->reference[end - 1] - 1)
         tail--;
-    if (head >= tail || 2 * (t->reference[tail - 1] - t->reference[head]) < a_count)
+    if (head >= tail || 2 * (timeline->reference[tail - 1] - timeline->reference[head]) < a_count)
         return;
     for (int32_t j = first; j < head && head - first >= LEAST; j++)
-        t->reference[j] = NAN;
+        timeline->reference[j] = NAN;
     for (int32_t j = tail; j < end && end - tail >= LEAST; j++)
-        t->reference[j] = NAN;
+        timeline->reference[j] = NAN;
 }
 
 enum status pace_measure(const struct movement *a, const struct movement *b, uint16_t parts, struct timeline *t,
@@ -248,32 +249,32 @@ enum status pace_measure(const struct movement *a, const struct movement *b, uin
 // ---------------------------------------------------------------- repetitions
 
 enum {
-    THIN = 4,            // 30 Hz to 7.5 Hz
-    MOST_SEARCHED = 900, // thinned frames in which a cycle is searched: two minutes
-    LEAST_CYCLE = 6,     // thinned frames: 0.8 s
-    MOST_LAGS = 12,      // candidates for the length, and as many halves of them
-    SHIFTS = 12,         // candidates for the start, in a cycle
-    TREND = 2,           // cycles to both sides over which a mean is taken out
+    THIN = 4,           // 30 Hz to 7.5 Hz
+    MAX_SEARCHED = 900, // thinned frames in which a cycle is searched: two minutes
+    MIN_CYCLE = 6,      // thinned frames: 0.8 s
+    MAX_LAGS = 12,      // candidates for the length, and as many halves of them
+    SHIFTS = 12,        // candidates for the start, in a cycle
+    TREND = 2,          // cycles to both sides over which a mean is taken out
 };
 // As shares of the mean cost of two frames of the movement. By hand, on exercises 1 and 2 of KIMORE.
 static const double IDLE = 0.5, STAY = 0.02, QUIET = 0.08;
 // A cycle explains the rest of the movement below this price, else the movement does not repeat itself.
-static const double MOST_PRICE = 0.45;
+static const double MAX_PRICE = 0.45;
 // A repetition's mean price, as a share of idling, is at most this above the median repetition's. Chosen on 39 files of
 // KIMORE counted by eye: what is a repetition is at most 0.27 above it, what is none 0.355 and more.
-static const double MOST_UNLIKE = 0.33;
+static const double MAX_UNLIKE = 0.33;
 // A part does not repeat itself with the others if more of its variance is left from cycle to cycle than this, and than
 // so many times what is left of the best part's.
-static const double LEFT_LEAST = 0.5, LEFT_FACTOR = 2;
+static const double LEFT_MIN = 0.5, LEFT_FACTOR = 2;
 // The best part's, else the lag is none.
-static const double MOST_LEFT = 1;
+static const double MAX_LEFT = 1;
 // A longer cycle must be cheaper than a shorter one by this factor and by this.
 static const double LONGER_GAIN = 0.6, LONGER_MARGIN = 0.03;
 
-void repetition_list_free(struct repetition_list *l)
+void repetition_list_free(struct repetition_list *list)
 {
-    free(l->spans);
-    *l = (struct repetition_list){0};
+    free(list->spans);
+    *list = (struct repetition_list){0};
 }
 
 // ------------------------------------------------------------- one-pass search
@@ -294,103 +295,104 @@ struct trace {
     uint8_t *started_from_end;          // [count] a cycle beginning here follows a completed one
 };
 
-static bool trace_open(struct trace *t, int32_t length, int32_t count)
+static bool trace_open(struct trace *trace, int32_t length, int32_t count)
 {
     const size_t n = (size_t)length + 1, m = (size_t)count;
-    t->here = malloc(n * sizeof *t->here);
-    t->before = malloc(n * sizeof *t->before);
-    t->start_here = malloc(n * sizeof *t->start_here);
-    t->start_before = malloc(n * sizeof *t->start_before);
-    t->idle_from_end = calloc(m, 1);
-    t->started_from_end = calloc(m, 1);
-    t->end_start = malloc(m * sizeof *t->end_start);
-    t->end_price = malloc(m * sizeof *t->end_price);
-    t->idle_price = malloc(m * sizeof *t->idle_price);
-    return t->here && t->before && t->start_here && t->start_before && t->idle_from_end && t->started_from_end &&
-           t->end_start && t->end_price && t->idle_price;
+    trace->here = malloc(n * sizeof *trace->here);
+    trace->before = malloc(n * sizeof *trace->before);
+    trace->start_here = malloc(n * sizeof *trace->start_here);
+    trace->start_before = malloc(n * sizeof *trace->start_before);
+    trace->idle_from_end = calloc(m, 1);
+    trace->started_from_end = calloc(m, 1);
+    trace->end_start = malloc(m * sizeof *trace->end_start);
+    trace->end_price = malloc(m * sizeof *trace->end_price);
+    trace->idle_price = malloc(m * sizeof *trace->idle_price);
+    return trace->here && trace->before && trace->start_here && trace->start_before && trace->idle_from_end &&
+           trace->started_from_end && trace->end_start && trace->end_price && trace->idle_price;
 }
 
-static void trace_close(struct trace *t)
+static void trace_close(struct trace *trace)
 {
-    free(t->here);
-    free(t->before);
-    free(t->start_here);
-    free(t->start_before);
-    free(t->idle_from_end);
-    free(t->started_from_end);
-    free(t->end_start);
-    free(t->end_price);
-    free(t->idle_price);
+    free(trace->here);
+    free(trace->before);
+    free(trace->start_here);
+    free(trace->start_before);
+    free(trace->idle_from_end);
+    free(trace->started_from_end);
+    free(trace->end_start);
+    free(trace->end_price);
+    free(trace->idle_price);
 }
 
 static const int64_t NEVER = INT64_MAX / 4;
 
 // The cheapest place to come from for place k at frame j.
-static void advance(const struct model *m, struct trace *t, int32_t j, int32_t k, int64_t entry)
+static void advance_trace(const struct model *model, struct trace *trace, int32_t j, int32_t k, int64_t entry)
 {
-    int64_t best = j ? t->before[k] + m->stay : NEVER;
-    int32_t start = j ? t->start_before[k] : 0;
-    if (j && k > 0 && t->before[k - 1] < best) {
-        best = t->before[k - 1];
-        start = t->start_before[k - 1];
+    int64_t best = j ? trace->before[k] + model->stay : NEVER;
+    int32_t start = j ? trace->start_before[k] : 0;
+    if (j && k > 0 && trace->before[k - 1] < best) {
+        best = trace->before[k - 1];
+        start = trace->start_before[k - 1];
     }
-    if (j && k > 1 && t->before[k - 2] + m->stay < best) {
-        best = t->before[k - 2] + m->stay;
-        start = t->start_before[k - 2];
+    if (j && k > 1 && trace->before[k - 2] + model->stay < best) {
+        best = trace->before[k - 2] + model->stay;
+        start = trace->start_before[k - 2];
     }
     // The first and the last fifth of a cycle may be missing, at the price of idling through them.
-    if (5 * k <= m->length && entry + m->idle * k < best) {
-        best = entry + m->idle * k;
+    if (5 * k <= model->length && entry + model->idle * k < best) {
+        best = entry + model->idle * k;
         start = j;
     }
-    t->here[k] = best;
-    t->start_here[k] = start;
+    trace->here[k] = best;
+    trace->start_here[k] = start;
 }
 
 // Goes through all frames. The prices at the end are in idle_price and end_price.
-static void explain(const struct model *m, const struct features *f, struct trace *t)
+static void trace_frames(const struct model *model, const struct features *features, struct trace *trace)
 {
-    for (int32_t j = 0; j < f->count; j++) {
-        const int64_t idle_before = j ? t->idle_price[j - 1] : 0, end_before = j ? t->end_price[j - 1] : NEVER;
+    for (int32_t j = 0; j < features->count; j++) {
+        const int64_t idle_before = j ? trace->idle_price[j - 1] : 0, end_before = j ? trace->end_price[j - 1] : NEVER;
         const int64_t entry = idle_before < end_before ? idle_before : end_before;
-        t->started_from_end[j] = end_before < idle_before;
-        t->idle_from_end[j] = end_before < idle_before;
-        t->idle_price[j] = entry + m->idle;
-        for (int32_t k = 0; k < m->length; k++) {
-            advance(m, t, j, k, entry);
-            if (t->here[k] < NEVER)
-                t->here[k] += feature_cost(&m->cycle[k], &f->frames[j]);
+        trace->started_from_end[j] = end_before < idle_before;
+        trace->idle_from_end[j] = end_before < idle_before;
+        trace->idle_price[j] = entry + model->idle;
+        for (int32_t k = 0; k < model->length; k++) {
+            advance_trace(model, trace, j, k, entry);
+            if (trace->here[k] < NEVER)
+                trace->here[k] += feature_cost(&model->cycle[k], &features->frames[j]);
         }
-        t->end_price[j] = NEVER;
-        for (int32_t k = m->length - 1; 5 * (m->length - 1 - k) <= m->length; k--)
-            if (t->here[k] < NEVER && t->here[k] + m->idle * (m->length - 1 - k) < t->end_price[j]) {
-                t->end_price[j] = t->here[k] + m->idle * (m->length - 1 - k);
-                t->end_start[j] = t->start_here[k];
+        trace->end_price[j] = NEVER;
+        for (int32_t k = model->length - 1; 5 * (model->length - 1 - k) <= model->length; k--)
+            if (trace->here[k] < NEVER &&
+                trace->here[k] + model->idle * (model->length - 1 - k) < trace->end_price[j]) {
+                trace->end_price[j] = trace->here[k] + model->idle * (model->length - 1 - k);
+                trace->end_start[j] = trace->start_here[k];
             }
-        int64_t *swap = t->before;
-        t->before = t->here;
-        t->here = swap;
-        int32_t *swap_start = t->start_before;
-        t->start_before = t->start_here;
-        t->start_here = swap_start;
+        int64_t *swap = trace->before;
+        trace->before = trace->here;
+        trace->here = swap;
+        int32_t *swap_start = trace->start_before;
+        trace->start_before = trace->start_here;
+        trace->start_here = swap_start;
     }
 }
 
 // Follows the explanation back from the last frame. spans NULL: only counts.
-static int32_t spans_of(const struct trace *t, int32_t count, struct repetition_span *spans)
+static int32_t spans_of(const struct trace *trace, int32_t count, struct repetition_span *spans)
 {
     int32_t found = 0;
-    bool in_cycle = count && t->end_price[count - 1] < t->idle_price[count - 1];
+    bool in_cycle = count && trace->end_price[count - 1] < trace->idle_price[count - 1];
     for (int32_t j = count - 1; j >= 0;) {
         if (in_cycle) {
             if (spans)
-                spans[found] = (struct repetition_span){t->end_start[j], j + 1};
+                spans[found] = (struct repetition_span){trace->end_start[j], j + 1};
             found++;
-            const int32_t start = t->end_start[j];
-            in_cycle = t->started_from_end[start];
+            const int32_t start = trace->end_start[j];
+            in_cycle = trace->started_from_end[start];
             j = start - 1;
         } else {
-            in_cycle = t->idle_from_end[j];
+            in_cycle = trace->idle_from_end[j];
             j--;
         }
     }
@@ -402,11 +404,11 @@ static int32_t spans_of(const struct trace *t, int32_t count, struct repetition_
     return found;
 }
 
-static int64_t entry_price(const struct trace *t, int32_t j)
+static int64_t entry_price(const struct trace *trace, int32_t j)
 {
     if (!j)
         return 0;
-    return t->end_price[j - 1] < t->idle_price[j - 1] ? t->end_price[j - 1] : t->idle_price[j - 1];
+    return trace->end_price[j - 1] < trace->idle_price[j - 1] ? trace->end_price[j - 1] : trace->idle_price[j - 1];
 }
 
 static int by_size(const void *a, const void *b)
@@ -416,42 +418,44 @@ static int by_size(const void *a, const void *b)
 }
 
 // What resembles the cycle far less than the other repetitions do is none: getting ready, walking off.
-static enum status drop_outliers(const struct model *m, const struct trace *t, struct repetition_list *l)
+static enum status drop_outliers(const struct model *model, const struct trace *trace, struct repetition_list *list)
 {
-    double *price = malloc(2 * (size_t)(l->count ? l->count : 1) * sizeof *price);
+    double *price = malloc(2 * (size_t)(list->count ? list->count : 1) * sizeof *price);
     if (!price)
         return fail(ERR_MEMORY, "no memory to find repetitions");
-    double *sorted = price + l->count;
-    for (int32_t k = 0; k < l->count; k++) {
-        const struct repetition_span s = l->spans[k];
-        price[k] = sorted[k] =
-            (double)(t->end_price[s.end - 1] - entry_price(t, s.first)) / (double)m->idle / (s.end - s.first);
+    double *sorted = price + list->count;
+    for (int32_t k = 0; k < list->count; k++) {
+        const struct repetition_span s = list->spans[k];
+        price[k] = sorted[k] = (double)(trace->end_price[s.end - 1] - entry_price(trace, s.first)) /
+                               (double)model->idle / (s.end - s.first);
     }
-    qsort(sorted, (size_t)l->count, sizeof *sorted, by_size);
+    qsort(sorted, (size_t)list->count, sizeof *sorted, by_size);
     int32_t kept = 0;
-    for (int32_t k = 0; k < l->count; k++)
-        if (price[k] <= sorted[l->count / 2] + MOST_UNLIKE)
-            l->spans[kept++] = l->spans[k];
-    l->count = kept;
+    for (int32_t k = 0; k < list->count; k++)
+        if (price[k] <= sorted[list->count / 2] + MAX_UNLIKE)
+            list->spans[kept++] = list->spans[k];
+    list->count = kept;
     free(price);
     return OK;
 }
 
-static enum status search(const struct model *m, const struct features *f, struct repetition_list *out, int64_t *price)
+static enum status search_repetitions(const struct model *model, const struct features *features,
+                                      struct repetition_list *out, int64_t *price)
 {
     struct trace t = {0};
-    enum status status = trace_open(&t, m->length, f->count) ? OK : fail(ERR_MEMORY, "no memory to find repetitions");
+    enum status status =
+        trace_open(&t, model->length, features->count) ? OK : fail(ERR_MEMORY, "no memory to find repetitions");
     if (status == OK) {
-        explain(m, f, &t);
-        *price = entry_price(&t, f->count);
-        out->count = spans_of(&t, f->count, NULL);
+        trace_frames(model, features, &t);
+        *price = entry_price(&t, features->count);
+        out->count = spans_of(&t, features->count, NULL);
         out->spans = malloc((size_t)(out->count ? out->count : 1) * sizeof *out->spans);
         if (out->spans)
-            spans_of(&t, f->count, out->spans);
+            spans_of(&t, features->count, out->spans);
         else
             status = fail(ERR_MEMORY, "no memory to find repetitions");
-        if (status == OK && m->alike)
-            status = drop_outliers(m, &t, out);
+        if (status == OK && model->alike)
+            status = drop_outliers(model, &t, out);
     }
     trace_close(&t);
     return status;
@@ -464,61 +468,61 @@ struct thinned {
     struct features all;
 };
 
-static enum status thin(const struct features *f, struct thinned *out)
+static enum status thin_features(const struct features *features, struct thinned *out)
 {
-    const int32_t count = (f->count + THIN - 1) / THIN;
+    const int32_t count = (features->count + THIN - 1) / THIN;
     out->frames = malloc((size_t)count * sizeof *out->frames);
     if (!out->frames)
         return fail(ERR_MEMORY, "no memory to find repetitions");
     for (int32_t i = 0; i < count; i++)
-        out->frames[i] = f->frames[i * THIN];
+        out->frames[i] = features->frames[i * THIN];
     out->all = (struct features){out->frames, count};
     return OK;
 }
 
-// The part of the movement, of at most MOST_SEARCHED frames, in which successive frames differ most in sum.
-static struct features liveliest(const struct features *f)
+// The part of the movement, of at most MAX_SEARCHED frames, in which successive frames differ most in sum.
+static struct features liveliest_part(const struct features *features)
 {
-    if (f->count <= MOST_SEARCHED)
-        return *f;
+    if (features->count <= MAX_SEARCHED)
+        return *features;
     int64_t sum = 0, best = -1;
     int32_t at = 0;
-    for (int32_t i = 1; i < f->count; i++) {
-        sum += feature_cost(&f->frames[i], &f->frames[i - 1]);
-        if (i > MOST_SEARCHED)
-            sum -= feature_cost(&f->frames[i - MOST_SEARCHED], &f->frames[i - MOST_SEARCHED - 1]);
-        if (i >= MOST_SEARCHED && sum > best) {
+    for (int32_t i = 1; i < features->count; i++) {
+        sum += feature_cost(&features->frames[i], &features->frames[i - 1]);
+        if (i > MAX_SEARCHED)
+            sum -= feature_cost(&features->frames[i - MAX_SEARCHED], &features->frames[i - MAX_SEARCHED - 1]);
+        if (i >= MAX_SEARCHED && sum > best) {
             best = sum;
-            at = i - MOST_SEARCHED + 1;
+            at = i - MAX_SEARCHED + 1;
         }
     }
-    return (struct features){f->frames + at, MOST_SEARCHED};
+    return (struct features){features->frames + at, MAX_SEARCHED};
 }
 
 // Mean cost of two frames `lag` apart; [count / 2 + 1] numbers. Returns the mean over all lags.
-static double self_costs(const struct features *f, double *cost)
+static double self_costs(const struct features *features, double *cost)
 {
     double sum = 0;
-    const int32_t most = f->count / 2;
-    for (int32_t lag = 1; lag <= most; lag++) {
+    const int32_t max = features->count / 2;
+    for (int32_t lag = 1; lag <= max; lag++) {
         double of_lag = 0;
-        for (int32_t i = 0; i + lag < f->count; i++)
-            of_lag += feature_cost(&f->frames[i], &f->frames[i + lag]);
-        cost[lag] = of_lag / (f->count - lag);
+        for (int32_t i = 0; i + lag < features->count; i++)
+            of_lag += feature_cost(&features->frames[i], &features->frames[i + lag]);
+        cost[lag] = of_lag / (features->count - lag);
         sum += cost[lag];
     }
-    return most ? sum / most : 0;
+    return max ? sum / max : 0;
 }
 
-// The lags with the lowest local minima, at most MOST_LAGS, shortest first.
-static int choose_lags(const double *cost, int32_t most, double mean, int32_t lag[MOST_LAGS])
+// The lags with the lowest local minima, at most MAX_LAGS, shortest first.
+static int choose_lags(const double *cost, int32_t max, double mean, int32_t lag[MAX_LAGS])
 {
     int count = 0;
-    for (int32_t k = LEAST_CYCLE; k <= most; k++) {
-        const bool lowest = cost[k] < cost[k - 1] && (k == most || cost[k] <= cost[k + 1]);
+    for (int32_t k = MIN_CYCLE; k <= max; k++) {
+        const bool lowest = cost[k] < cost[k - 1] && (k == max || cost[k] <= cost[k + 1]);
         if (!lowest || cost[k] > 0.9 * mean)
             continue;
-        if (count < MOST_LAGS) {
+        if (count < MAX_LAGS) {
             lag[count++] = k;
             continue;
         }
@@ -533,37 +537,37 @@ static int choose_lags(const double *cost, int32_t most, double mean, int32_t la
     return count;
 }
 
-static int ascending(const void *a, const void *b)
+static int compare_int32(const void *a, const void *b)
 {
     const int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
     return (x > y) - (x < y);
 }
 
 // Adds the halves that are not there: where the pace changes, two cycles may be found and one alone not.
-static int add_halves(int32_t lag[2 * MOST_LAGS], int lags)
+static int add_halves(int32_t lag[2 * MAX_LAGS], int lags)
 {
     int count = lags;
     for (int k = 0; k < lags; k++) {
         const int32_t half = lag[k] / 2;
-        bool there = half < LEAST_CYCLE;
+        bool there = half < MIN_CYCLE;
         for (int n = 0; n < count; n++)
             there = there || 8 * abs(lag[n] - half) <= half;
         if (!there)
             lag[count++] = half;
     }
-    qsort(lag, (size_t)count, sizeof *lag, ascending);
+    qsort(lag, (size_t)count, sizeof *lag, compare_int32);
     return count;
 }
 
 // Does a cycle from `first` go somewhere, compared with what the movement's frames differ by?
-static bool goes_somewhere(const struct features *f, int32_t first, int32_t length, double mean)
+static bool goes_somewhere(const struct features *features, int32_t first, int32_t length, double mean)
 {
-    int32_t most = 0;
+    int32_t max = 0;
     for (int32_t k = 1; k < length; k++) {
-        const int32_t c = feature_cost(&f->frames[first], &f->frames[first + k]);
-        most = c > most ? c : most;
+        const int32_t c = feature_cost(&features->frames[first], &features->frames[first + k]);
+        max = c > max ? c : max;
     }
-    return most >= mean;
+    return max >= mean;
 }
 
 struct best_cycle {
@@ -574,29 +578,29 @@ struct best_cycle {
 };
 
 // Mean cost of two frames of the movement.
-static double mean_cost(const struct features *f)
+static double mean_cost(const struct features *features)
 {
     double sum = 0;
     int64_t count = 0;
-    for (int32_t i = 0; i < f->count; i++)
-        for (int32_t k = i % 7; k < f->count; k += 7, count++)
-            sum += feature_cost(&f->frames[i], &f->frames[k]);
+    for (int32_t i = 0; i < features->count; i++)
+        for (int32_t k = i % 7; k < features->count; k += 7, count++)
+            sum += feature_cost(&features->frames[i], &features->frames[k]);
     return count ? sum / (double)count : 0;
 }
 
-static enum status try_starts(const struct features *f, int32_t lag, struct best_cycle *of_lag)
+static enum status try_starts(const struct features *features, int32_t lag, struct best_cycle *of_lag)
 {
     const int32_t shift = lag / SHIFTS > 0 ? lag / SHIFTS : 1;
     const double mean = of_lag->mean;
     enum status status = OK;
-    for (int32_t first = 0; first + lag <= f->count && status == OK; first += shift) {
-        if (!goes_somewhere(f, first, lag, mean))
+    for (int32_t first = 0; first + lag <= features->count && status == OK; first += shift) {
+        if (!goes_somewhere(features, first, lag, mean))
             continue;
-        const struct model m = {f->frames + first, lag, (int64_t)(IDLE * mean), (int64_t)(STAY * mean), false};
+        const struct model m = {features->frames + first, lag, (int64_t)(IDLE * mean), (int64_t)(STAY * mean), false};
         struct repetition_list found = {0};
         int64_t price = 0;
-        status = search(&m, f, &found, &price);
-        const double share = (double)price / mean / (f->count - lag);
+        status = search_repetitions(&m, features, &found, &price);
+        const double share = (double)price / mean / (features->count - lag);
         if (status == OK && found.count >= 2 && share < of_lag->price) {
             of_lag->span = (struct repetition_span){first, first + lag};
             of_lag->price = share;
@@ -607,20 +611,20 @@ static enum status try_starts(const struct features *f, int32_t lag, struct best
 }
 
 // Takes out the mean over `half` frames to both sides: people shift their stance from one repetition to the next.
-static enum status detrend(const struct features *f, int32_t half, struct feature_frame **out)
+static enum status detrend_features(const struct features *features, int32_t half, struct feature_frame **out)
 {
-    struct feature_frame *to = *out = malloc((size_t)f->count * sizeof **out);
+    struct feature_frame *to = *out = malloc((size_t)features->count * sizeof **out);
     if (!to)
         return fail(ERR_MEMORY, "no memory to find repetitions");
     for (int n = 0; n < FEATURE_NUMBERS; n++) {
         int64_t sum = 0;
         int32_t first = 0, end = 0;
-        for (int32_t i = 0; i < f->count; i++) {
-            for (; end < f->count && end <= i + half; end++)
-                sum += f->frames[end].number[n];
+        for (int32_t i = 0; i < features->count; i++) {
+            for (; end < features->count && end <= i + half; end++)
+                sum += features->frames[end].number[n];
             for (; first < i - half; first++)
-                sum -= f->frames[first].number[n];
-            to[i].number[n] = (int16_t)(f->frames[i].number[n] - sum / (end - first));
+                sum -= features->frames[first].number[n];
+            to[i].number[n] = (int16_t)(features->frames[i].number[n] - sum / (end - first));
         }
     }
     return OK;
@@ -630,58 +634,59 @@ static enum status detrend(const struct features *f, int32_t half, struct featur
 enum { PART_NUMBERS = 3, PARTS = FEATURE_NUMBERS / PART_NUMBERS };
 
 // How much of a part's variance is left between frames `lag` apart: 0 where it repeats itself, 1 where it does not.
-static double unlike(const struct features *f, int32_t lag, int part, double *variance)
+static double part_dissimilarity(const struct features *features, int32_t lag, int part, double *variance)
 {
     double sum = 0, square = 0;
     for (int n = part * PART_NUMBERS; n < (part + 1) * PART_NUMBERS; n++) {
-        for (int32_t i = 0; i < f->count; i++)
-            square += (double)f->frames[i].number[n] * f->frames[i].number[n];
-        for (int32_t i = 0; i + lag < f->count; i++) {
-            const double d = (double)f->frames[i].number[n] - f->frames[i + lag].number[n];
+        for (int32_t i = 0; i < features->count; i++)
+            square += (double)features->frames[i].number[n] * features->frames[i].number[n];
+        for (int32_t i = 0; i + lag < features->count; i++) {
+            const double d = (double)features->frames[i].number[n] - features->frames[i + lag].number[n];
             sum += d * d;
         }
     }
-    *variance = square / f->count;
-    return *variance > 0 ? sum / (f->count - lag) / (2 * *variance) : 1;
+    *variance = square / features->count;
+    return *variance > 0 ? sum / (features->count - lag) / (2 * *variance) : 1;
 }
 
-// Parts (bits) that do not repeat themselves with the others, such as legs that a tracker loses. f: without trend.
-static uint16_t restless_parts(const struct features *f, int32_t lag, double *best_left)
+// Parts (bits) that do not repeat themselves with the others, such as legs that a tracker loses. features: without
+// trend.
+static uint16_t restless_parts(const struct features *features, int32_t lag, double *best_left)
 {
-    double left[PARTS], variance[PARTS], most = 0, least = 2;
+    double left[PARTS], variance[PARTS], max = 0, min = 2;
     uint16_t restless = 0;
     for (int p = 0; p < PARTS; p++) {
-        left[p] = unlike(f, lag, p, &variance[p]);
-        most = fmax(most, variance[p]);
+        left[p] = part_dissimilarity(features, lag, p, &variance[p]);
+        max = fmax(max, variance[p]);
     }
     for (int p = 0; p < PARTS; p++)
-        if (variance[p] > 0.3 * most)
-            least = fmin(least, left[p]);
-    *best_left = least;
+        if (variance[p] > 0.3 * max)
+            min = fmin(min, left[p]);
+    *best_left = min;
     for (int p = 0; p < PARTS; p++)
-        restless |= (uint16_t)((least < LEFT_LEAST && left[p] > fmax(LEFT_LEAST, LEFT_FACTOR * least)) << p);
+        restless |= (uint16_t)((min < LEFT_MIN && left[p] > fmax(LEFT_MIN, LEFT_FACTOR * min)) << p);
     return restless;
 }
 
-static void silence(struct feature_frame *frames, int32_t count, uint16_t parts)
+static void zero_parts(struct feature_frame *frames, int32_t count, uint16_t parts)
 {
     for (int32_t i = 0; i < count; i++)
         for (int n = 0; n < PARTS * PART_NUMBERS; n++)
             frames[i].number[n] = parts >> n / PART_NUMBERS & 1 ? 0 : frames[i].number[n];
 }
 
-static enum status try_lag(const struct features *f, int32_t lag, struct best_cycle *best)
+static enum status try_lag(const struct features *features, int32_t lag, struct best_cycle *best)
 {
     struct best_cycle of_lag = {.price = 1e9};
     double left = 1;
     struct feature_frame *level = NULL;
-    enum status status = detrend(f, TREND * lag, &level);
+    enum status status = detrend_features(features, TREND * lag, &level);
     if (status == OK) {
-        const struct features flat = {level, f->count};
+        const struct features flat = {level, features->count};
         of_lag.restless = restless_parts(&flat, lag, &left);
-        silence(level, f->count, of_lag.restless);
+        zero_parts(level, features->count, of_lag.restless);
         of_lag.mean = mean_cost(&flat);
-        if (of_lag.mean > 0 && left < MOST_LEFT)
+        if (of_lag.mean > 0 && left < MAX_LEFT)
             status = try_starts(&flat, lag, &of_lag);
     }
     free(level);
@@ -690,65 +695,65 @@ static enum status try_lag(const struct features *f, int32_t lag, struct best_cy
     return status;
 }
 
-static void thicken(struct repetition_list *l, int32_t count)
+static void expand_spans(struct repetition_list *list, int32_t count)
 {
-    for (int32_t k = 0; k < l->count; k++) {
-        l->spans[k].first *= THIN;
-        l->spans[k].end = l->spans[k].end * THIN < count ? l->spans[k].end * THIN : count;
+    for (int32_t k = 0; k < list->count; k++) {
+        list->spans[k].first *= THIN;
+        list->spans[k].end = list->spans[k].end * THIN < count ? list->spans[k].end * THIN : count;
     }
 }
 
 // Numbers that vary little beside the one that varies most hold noise: they become 0.
-static void quieten(struct feature_frame *f, int32_t count)
+static void zero_quiet_numbers(struct feature_frame *frame, int32_t count)
 {
-    double variance[FEATURE_NUMBERS], most = 0;
+    double variance[FEATURE_NUMBERS], max = 0;
     for (int n = 0; n < FEATURE_NUMBERS; n++) {
         double sum = 0, square = 0;
         for (int32_t i = 0; i < count; i++) {
-            sum += f[i].number[n];
-            square += (double)f[i].number[n] * f[i].number[n];
+            sum += frame[i].number[n];
+            square += (double)frame[i].number[n] * frame[i].number[n];
         }
         variance[n] = square / count - sum / count * (sum / count);
-        most = fmax(most, variance[n]);
+        max = fmax(max, variance[n]);
     }
     for (int n = 0; n < FEATURE_NUMBERS; n++)
-        for (int32_t i = 0; i < count && variance[n] < QUIET * most; i++)
-            f[i].number[n] = 0;
+        for (int32_t i = 0; i < count && variance[n] < QUIET * max; i++)
+            frame[i].number[n] = 0;
 }
 
-static enum status find(const struct features *f, int32_t count, struct repetition_list *out)
+static enum status find_repetitions(const struct features *features, int32_t count, struct repetition_list *out)
 {
-    const struct features searched = liveliest(f);
-    const int32_t most = searched.count / 2;
-    double *cost = malloc(((size_t)most + 2) * sizeof *cost);
+    const struct features searched = liveliest_part(features);
+    const int32_t max = searched.count / 2;
+    double *cost = malloc(((size_t)max + 2) * sizeof *cost);
     if (!cost)
         return fail(ERR_MEMORY, "no memory to find repetitions");
-    int32_t lag[2 * MOST_LAGS];
+    int32_t lag[2 * MAX_LAGS];
     cost[0] = 0;
     const double mean = self_costs(&searched, cost);
-    const int lags = mean > 0 ? add_halves(lag, choose_lags(cost, most, mean, lag)) : 0;
+    const int lags = mean > 0 ? add_halves(lag, choose_lags(cost, max, mean, lag)) : 0;
     struct best_cycle best = {.price = 1e9};
     enum status status = OK;
     free(cost);
     for (int k = 0; k < lags && status == OK; k++)
         status = try_lag(&searched, lag[k], &best);
-    if (status != OK || best.price > MOST_PRICE)
+    if (status != OK || best.price > MAX_PRICE)
         return status;
-    const int32_t length = best.span.end - best.span.first, at = (int32_t)(searched.frames - f->frames);
+    const int32_t length = best.span.end - best.span.first, at = (int32_t)(searched.frames - features->frames);
     struct feature_frame *level = NULL;
     int64_t price;
-    status = detrend(f, TREND * length, &level);
+    status = detrend_features(features, TREND * length, &level);
     if (status == OK) {
-        silence(level, f->count, best.restless);
+        zero_parts(level, features->count, best.restless);
         const struct model m = {level + at + best.span.first, length, (int64_t)(IDLE * best.mean),
                                 (int64_t)(STAY * best.mean), true};
-        const struct features all = {level, f->count};
-        status = search(&m, &all, out, &price);
+        const struct features all = {level, features->count};
+        status = search_repetitions(&m, &all, out, &price);
     }
     free(level);
     out->cycle = (struct repetition_span){(at + best.span.first) * THIN, (at + best.span.end) * THIN};
     if (status == OK && out->count >= 2)
-        thicken(out, count);
+        expand_spans(out, count);
     else
         repetition_list_free(out);
     return status;
@@ -758,12 +763,12 @@ enum status repetitions_find(const struct features *f, struct repetition_list *o
 {
     struct thinned t = {0};
     *out = (struct repetition_list){0};
-    if (f->count < 2 * LEAST_CYCLE * THIN)
+    if (f->count < 2 * MIN_CYCLE * THIN)
         return OK;
-    enum status status = thin(f, &t);
+    enum status status = thin_features(f, &t);
     if (status == OK) {
-        quieten(t.frames, t.all.count);
-        status = find(&t.all, f->count, out);
+        zero_quiet_numbers(t.frames, t.all.count);
+        status = find_repetitions(&t.all, f->count, out);
     }
     free(t.frames);
     if (status != OK)
@@ -772,13 +777,14 @@ enum status repetitions_find(const struct features *f, struct repetition_list *o
 }
 
 // Where `cycle` occurs in f, once or several times.
-static enum status repetitions_of(const struct features *cycle, const struct features *f, struct repetition_list *out)
+static enum status repetitions_of(const struct features *cycle, const struct features *features,
+                                  struct repetition_list *out)
 {
     struct thinned c = {0}, t = {0};
     *out = (struct repetition_list){0};
-    enum status status = thin(cycle, &c);
+    enum status status = thin_features(cycle, &c);
     if (status == OK)
-        status = thin(f, &t);
+        status = thin_features(features, &t);
     if (status == OK) {
         double mean = 0;
         for (int32_t i = 0; i < c.all.count; i++)
@@ -788,10 +794,10 @@ static enum status repetitions_of(const struct features *cycle, const struct fea
         // Another person's cycle is never as near as one's own: idle costs what a wrong pose of the cycle does.
         const struct model m = {c.frames, c.all.count, (int64_t)mean, (int64_t)(STAY * mean), false};
         int64_t price;
-        status = search(&m, &t.all, out, &price);
+        status = search_repetitions(&m, &t.all, out, &price);
     }
     if (status == OK)
-        thicken(out, f->count);
+        expand_spans(out, features->count);
     else
         repetition_list_free(out);
     free(c.frames);
@@ -801,12 +807,12 @@ static enum status repetitions_of(const struct features *cycle, const struct fea
 
 // ---------------------------------------------------------------- repetition judge
 
-enum { MOST_REFERENCES = 12 };
+enum { MAX_REFERENCES = 12 };
 
-void judged_repetitions_free(struct judged_repetitions *r)
+void judged_repetitions_free(struct judged_repetitions *repetitions)
 {
-    free(r->at);
-    *r = (struct judged_repetitions){0};
+    free(repetitions->at);
+    *repetitions = (struct judged_repetitions){0};
 }
 
 struct side {
@@ -818,15 +824,15 @@ struct side {
 
 // The standard deviation of a part's directions over a cycle, after the mean over all repetitions; what a mean of so
 // many would have by chance is taken off.
-static void measure_moved(struct side *s)
+static void measure_moved(struct side *side)
 {
     enum { BINS = 16 };
     for (int p = 0; p < PART_COUNT; p++) {
         double bin[BINS][4] = {{0}}, square = 0, all[4] = {0}, of_means = 0, bins = 0;
-        for (int32_t k = 0; k < s->list.count; k++) {
-            const struct repetition_span span = s->list.spans[k];
+        for (int32_t k = 0; k < side->list.count; k++) {
+            const struct repetition_span span = side->list.spans[k];
             for (int32_t f = span.first; f < span.end; f++) {
-                const struct movement_frame *frame = &s->movement->frames[f];
+                const struct movement_frame *frame = &side->movement->frames[f];
                 if (!(frame->known >> p & 1))
                     continue;
                 double *of = bin[(int64_t)(f - span.first) * BINS / (span.end - span.first)];
@@ -848,15 +854,15 @@ static void measure_moved(struct side *s)
         }
         const double mean2 = all[3] > 0 ? (all[0] * all[0] + all[1] * all[1] + all[2] * all[2]) / (all[3] * all[3]) : 0;
         const double within = bins > 0 ? square / bins : 0, between = bins > 0 ? of_means / bins - mean2 : 0;
-        s->moved[p] = sqrt(fmax(0, between - within / s->list.count));
+        side->moved[p] = sqrt(fmax(0, between - within / side->list.count));
     }
 }
 
-static struct movement piece(const struct movement *m, struct repetition_span s)
+static struct movement movement_piece(const struct movement *movement, struct repetition_span span)
 {
-    struct movement out = *m;
-    out.frames = m->frames + s.first;
-    out.count = s.end - s.first;
+    struct movement out = *movement;
+    out.frames = movement->frames + span.first;
+    out.count = span.end - span.first;
     return out;
 }
 
@@ -864,7 +870,7 @@ static enum status judge_pair(const struct side *a, struct repetition_span sa, c
                               struct repetition_span sb, const struct alignment_prices *prices,
                               struct judged_repetition *out)
 {
-    const struct movement ma = piece(a->movement, sa), mb = piece(b->movement, sb);
+    const struct movement ma = movement_piece(a->movement, sa), mb = movement_piece(b->movement, sb);
     const struct score_scope scope = {0, mb.count, a->list.count >= 2 ? a->moved : NULL};
     const struct features fa = {a->frames + sa.first, ma.count}, fb = {b->frames + sb.first, mb.count};
     struct alignment x = {0};
@@ -885,7 +891,7 @@ static enum status judge_all(const struct side *a, const struct side *b, const s
     out->at = calloc((size_t)b->list.count, sizeof *out->at);
     if (!out->at)
         return fail(ERR_MEMORY, "no memory to judge repetitions");
-    const int32_t references = a->list.count < MOST_REFERENCES ? a->list.count : MOST_REFERENCES;
+    const int32_t references = a->list.count < MAX_REFERENCES ? a->list.count : MAX_REFERENCES;
     for (int32_t k = 0; k < b->list.count && status == OK; k++) {
         for (int32_t n = 0; n < references && status == OK; n++) {
             struct judged_repetition judged = {0};

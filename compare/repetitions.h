@@ -13,8 +13,8 @@
 // what resembles the cycle far less than the other repetitions (walking off). Searched in 7.5 Hz, in the two
 // minutes that move most. Pure.
 #pragma once
-#include "compare/difference.h"
 #include "compare/alignment.h"
+#include "compare/difference.h"
 #include "compare/score.h"
 
 // ---------------------------------------------------------------- pieces
@@ -43,7 +43,7 @@ struct pace {
     int32_t missing, extra;                 // frames in such pieces
     int32_t a_first, a_end, b_first, b_end; // what is aligned
 };
-void pace_free(struct pace *p); // zeroed is fine; leaves it zeroed
+void pace_free(struct pace *pace); // zeroed is fine; leaves it zeroed
 
 // Takes frames of B at its ends out of the timeline (NaN) that all show A's first or last aligned frame: getting into
 // position and out of it. ERR_MEMORY; *out is then zeroed.
@@ -61,7 +61,7 @@ struct repetition_list {
     int32_t count;
     struct repetition_span cycle; // the template, where it was searched
 };
-void repetition_list_free(struct repetition_list *l); // zeroed is fine; leaves it zeroed
+void repetition_list_free(struct repetition_list *list); // zeroed is fine; leaves it zeroed
 
 // f at MOVEMENT_RATE_HZ. count 0: the movement does not repeat itself; one performance alone is not a repetition.
 // ERR_MEMORY; *out is then zeroed.
@@ -84,7 +84,7 @@ struct judged_repetitions {
     int32_t reference_count;      // repetitions of A; 1: it is one performance
     double moved[PART_COUNT];     // how much A's repetitions move each part alike, rad; only where there are several
 };
-void judged_repetitions_free(struct judged_repetitions *r); // zeroed is fine; leaves it zeroed
+void judged_repetitions_free(struct judged_repetitions *repetitions); // zeroed is fine; leaves it zeroed
 
 // Of the reference's repetitions (at most 12 are tried) each of B's is judged against the one that it resembles most.
 // prices: of the alignment. ERR_MEMORY; *out is then zeroed.

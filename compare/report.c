@@ -18,12 +18,13 @@
 
 // From the front and a little from the part's own side; nearly from the side where the part is too far forwards or
 // back.
-static double azimuth_of(const struct comparison *c, int32_t frame, int part)
+static double azimuth_of(const struct comparison *comparison, int32_t frame, int part)
 {
     if (part < 0)
         return -0.35;
-    const int judged = judged_part(c, part);
-    const struct movement_frame a = movement_at(&c->a, c->timeline.reference[frame]), *b = &c->judged.frames[frame];
+    const int judged = judged_part(comparison, part);
+    const struct movement_frame a = movement_at(&comparison->a, comparison->timeline.reference[frame]),
+                                *b = &comparison->judged.frames[frame];
     double d[3];
     for (int k = 0; k < 3; k++)
         d[k] = fabs((double)b->direction[judged][k] - a.direction[judged][k]);
@@ -31,24 +32,24 @@ static double azimuth_of(const struct comparison *c, int32_t frame, int part)
     return strncmp(part_name((enum part)part), "left", 4) ? -turned : turned;
 }
 
-int report_moments(const struct comparison *c, struct report_moment moments[REPORT_MOMENTS])
+int report_moments(const struct comparison *comparison, struct report_moment moments[REPORT_MOMENTS])
 {
     int count = 0;
-    for (int32_t k = 0; k < c->finding_count && count < REPORT_MOMENTS; k++) {
-        const struct finding *f = &c->findings[k];
+    for (int32_t k = 0; k < comparison->finding_count && count < REPORT_MOMENTS; k++) {
+        const struct finding *f = &comparison->findings[k];
         const int part = part_by_name(f->part);
-        const int32_t at = (int32_t)lround(finding_worst_s(c, f) * MOVEMENT_RATE_HZ);
+        const int32_t at = (int32_t)lround(finding_worst_s(comparison, f) * MOVEMENT_RATE_HZ);
         if ((f->kind != FINDING_POSTURE && f->kind != FINDING_RANGE && f->kind != FINDING_MIRRORED) ||
-            at >= c->b.count || isnan(c->timeline.reference[at]))
+            at >= comparison->b.count || isnan(comparison->timeline.reference[at]))
             continue;
-        const double azimuth_rad = azimuth_of(c, at, part);
+        const double azimuth_rad = azimuth_of(comparison, at, part);
         moments[count++] = (struct report_moment){
             .finding = k,
             .part = part,
             .attempt_s = at / MOVEMENT_RATE_HZ,
-            .reference_s = c->timeline.reference[at] / MOVEMENT_RATE_HZ,
+            .reference_s = comparison->timeline.reference[at] / MOVEMENT_RATE_HZ,
             .attempt_azimuth_rad = azimuth_rad,
-            .reference_azimuth_rad = part >= 0 && c->mirrored ? -azimuth_rad : azimuth_rad,
+            .reference_azimuth_rad = part >= 0 && comparison->mirrored ? -azimuth_rad : azimuth_rad,
         };
     }
     return count;
@@ -69,7 +70,7 @@ struct point {
     double x, y, z;
 };
 
-static struct point along(struct point from, const float d[3], double length)
+static struct point point_along(struct point from, const float d[3], double length)
 {
     return (struct point){from.x + length * d[0], from.y + length * d[1], from.z + length * d[2]};
 }
@@ -84,14 +85,15 @@ static struct stand stand_of(double centre, double azimuth_rad)
     return (struct stand){centre, portable_cos(azimuth_rad), -portable_sin(azimuth_rad)};
 }
 
-static void bone(FILE *to, struct point a, struct point b, const char *class, const struct stand *s)
+static void write_bone(FILE *to, struct point a, struct point b, const char *class, const struct stand *stand)
 {
     fprintf(to, "<line class=\"bone %s\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>", class,
-            s->centre + s->right_x * a.x + s->right_y * a.y, 62 - a.z, s->centre + s->right_x * b.x + s->right_y * b.y,
-            62 - b.z);
+            stand->centre + stand->right_x * a.x + stand->right_y * a.y, 62 - a.z,
+            stand->centre + stand->right_x * b.x + stand->right_y * b.y, 62 - b.z);
 }
 
-static void figure(FILE *to, const struct movement_frame *f, const char *class, int bad, const struct stand *s)
+static void write_figure(FILE *to, const struct movement_frame *frame, const char *class, int bad,
+                         const struct stand *stand)
 {
     static const double length[PART_COUNT] = {
         [PART_HEAD] = 11,         [PART_UPPER_TORSO] = 15,     [PART_LOWER_TORSO] = 12,   [PART_LEFT_UPPER_ARM] = 17,
@@ -99,8 +101,8 @@ static void figure(FILE *to, const struct movement_frame *f, const char *class, 
         [PART_LEFT_SHIN] = 23,    [PART_RIGHT_THIGH] = 24,     [PART_RIGHT_SHIN] = 23,
     };
     const struct point waist = {0, 0, 0};
-    struct point torso = along(waist, f->direction[PART_LOWER_TORSO], length[PART_LOWER_TORSO]);
-    struct point neck = along(torso, f->direction[PART_UPPER_TORSO], length[PART_UPPER_TORSO]);
+    struct point torso = point_along(waist, frame->direction[PART_LOWER_TORSO], length[PART_LOWER_TORSO]);
+    struct point neck = point_along(torso, frame->direction[PART_UPPER_TORSO], length[PART_UPPER_TORSO]);
     struct point ends[PART_COUNT];
     for (int p = 0; p < PART_COUNT; p++) {
         struct point from = waist;
@@ -111,49 +113,50 @@ static void figure(FILE *to, const struct movement_frame *f, const char *class, 
         else if (p == PART_HEAD)
             from = neck;
         else if (p == PART_LEFT_UPPER_ARM || p == PART_RIGHT_UPPER_ARM)
-            from = along(neck, f->shoulders, aside * 9);
+            from = point_along(neck, frame->shoulders, aside * 9);
         else if (p == PART_LEFT_FOREARM || p == PART_LEFT_SHIN || p == PART_RIGHT_FOREARM || p == PART_RIGHT_SHIN)
             from = ends[p - 1];
         else if (p == PART_LEFT_THIGH || p == PART_RIGHT_THIGH)
             from = (struct point){aside * 5, 0, -2};
-        ends[p] = along(from, f->direction[p], length[p]);
-        if (f->known >> p & 1)
-            bone(to, from, ends[p], p == bad ? "bad" : class, s);
+        ends[p] = point_along(from, frame->direction[p], length[p]);
+        if (frame->known >> p & 1)
+            write_bone(to, from, ends[p], p == bad ? "bad" : class, stand);
     }
 }
 
 // ------------------------------------------------------------- pictures
 
-static void picture(FILE *to, const struct report_picture *p, double left)
+static void write_picture(FILE *to, const struct report_picture *picture, double left)
 {
-    const double width = 88, height = width * p->height_px / p->width_px, scale = width / p->width_px;
+    const double width = 88, height = width * picture->height_px / picture->width_px, scale = width / picture->width_px;
     fprintf(to, "<image x=\"%.1f\" y=\"0\" width=\"%.1f\" height=\"%.1f\" href=\"data:image/png;base64,", left, width,
             height);
-    html_put_base64(to, p->png, p->png_size);
+    html_put_base64(to, picture->png, picture->png_size);
     fputs("\"/>", to);
-    if (p->marked)
+    if (picture->marked)
         fprintf(to, "<line class=\"bone bad\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>",
-                left + scale * p->from_px[0], scale * p->from_px[1], left + scale * p->to_px[0], scale * p->to_px[1]);
+                left + scale * picture->from_px[0], scale * picture->from_px[1], left + scale * picture->to_px[0],
+                scale * picture->to_px[1]);
 }
 
-static void report_figures(FILE *to, const struct report_attempt *a)
+static void report_figures(FILE *to, const struct report_attempt *attempt)
 {
-    for (int k = 0; k < a->moment_count; k++) {
-        const struct report_moment *m = &a->moments[k];
-        const struct comparison *c = a->c;
+    for (int k = 0; k < attempt->moment_count; k++) {
+        const struct report_moment *m = &attempt->moments[k];
+        const struct comparison *c = attempt->c;
         const struct stand at_left = stand_of(50, m->reference_azimuth_rad),
                            at_right = stand_of(150, m->attempt_azimuth_rad);
         const struct movement_frame reference = movement_at(&c->a, m->reference_s * MOVEMENT_RATE_HZ),
-                                    attempt = movement_at(&c->b, m->attempt_s * MOVEMENT_RATE_HZ);
+                                    write_attempt = movement_at(&c->b, m->attempt_s * MOVEMENT_RATE_HZ);
         fputs("<figure><svg viewBox=\"0 0 200 130\"><style>.a{stroke:var(--a)}.b{stroke:var(--b)}</style>", to);
         if (m->reference.png)
-            picture(to, &m->reference, 6);
+            write_picture(to, &m->reference, 6);
         else
-            figure(to, &reference, "a", -1, &at_left);
+            write_figure(to, &reference, "a", -1, &at_left);
         if (m->attempt.png)
-            picture(to, &m->attempt, 106);
+            write_picture(to, &m->attempt, 106);
         else
-            figure(to, &attempt, "b", m->part, &at_right);
+            write_figure(to, &write_attempt, "b", m->part, &at_right);
         fprintf(to,
                 "<text x=\"50\" y=\"127\" text-anchor=\"middle\">reference, %.1f s</text>"
                 "<text x=\"150\" y=\"127\" text-anchor=\"middle\">attempt, %.1f s</text></svg>"
@@ -189,23 +192,23 @@ static const char head[] =
 
 // ------------------------------------------------------------- the strip
 
-static const char *colour(enum verdict v)
+static const char *verdict_class(enum verdict verdict)
 {
-    if (v == VERDICT_DIFFERENT)
+    if (verdict == VERDICT_DIFFERENT)
         return "different";
-    return v == VERDICT_SAME ? "same" : "unknown";
+    return verdict == VERDICT_SAME ? "same" : "unknown";
 }
 
 // The worst verdict within each cell of time, cells of equal verdict joined.
-static enum status verdicts_of(const struct comparison *c, uint8_t **out)
+static enum status verdicts_of(const struct comparison *comparison, uint8_t **out)
 {
     uint8_t *cell = *out = calloc((size_t)CELLS * PART_COUNT, 1);
     if (!cell)
         return ERR_MEMORY;
-    for (int32_t f = 0; f < c->b.count; f++) {
+    for (int32_t f = 0; f < comparison->b.count; f++) {
         struct part_difference parts[PART_COUNT];
-        part_differences(&c->a, &c->judged, &c->timeline, f, parts);
-        const int at = (int)((int64_t)f * CELLS / c->b.count);
+        part_differences(&comparison->a, &comparison->judged, &comparison->timeline, f, parts);
+        const int at = (int)((int64_t)f * CELLS / comparison->b.count);
         for (int p = 0; p < PART_COUNT; p++) {
             uint8_t *v = &cell[p * CELLS + at];
             *v = parts[p].verdict > *v ? (uint8_t)parts[p].verdict : *v;
@@ -224,16 +227,16 @@ static int time_step_s(double seconds)
     return seconds > 8 ? 2 : 1;
 }
 
-static void strip(FILE *to, const struct comparison *c, const uint8_t *cell)
+static void write_strip(FILE *to, const struct comparison *comparison, const uint8_t *cell)
 {
     enum { ROW = 16, LEFT = 110, WIDTH = 720 };
-    const double seconds = c->b.count / MOVEMENT_RATE_HZ;
+    const double seconds = comparison->b.count / MOVEMENT_RATE_HZ;
     // Of short movements there are fewer frames than cells: a cell without a frame continues the one before.
-    const int cells = c->b.count < CELLS ? c->b.count : CELLS;
+    const int cells = comparison->b.count < CELLS ? comparison->b.count : CELLS;
     fprintf(to, "<svg viewBox=\"0 0 %d %d\" role=\"img\" aria-label=\"Parts that differ, over time\">", LEFT + WIDTH,
             ROW * PART_COUNT + 20);
     for (int p = 0; p < PART_COUNT; p++) {
-        const enum part own = c->mirrored ? mirrored_part((enum part)p) : (enum part)p;
+        const enum part own = comparison->mirrored ? mirrored_part((enum part)p) : (enum part)p;
         char name[32];
         snprintf(name, sizeof name, "%s", part_name(own));
         for (char *at = name; (at = strchr(at, '_'));)
@@ -246,7 +249,7 @@ static void strip(FILE *to, const struct comparison *c, const uint8_t *cell)
                 end++;
             fprintf(to, "<rect x=\"%.1f\" y=\"%d\" width=\"%.1f\" height=\"%d\" fill=\"var(--%s)\"/>",
                     LEFT + (double)first * WIDTH / cells, p * ROW + 1, (double)(end - first) * WIDTH / cells + 0.3,
-                    ROW - 2, colour((enum verdict)row[at]));
+                    ROW - 2, verdict_class((enum verdict)row[at]));
         }
     }
     const int step = time_step_s(seconds);
@@ -258,9 +261,9 @@ static void strip(FILE *to, const struct comparison *c, const uint8_t *cell)
 // ------------------------------------------------------------- tables
 
 // Whole ones: -0.3 is 0, not -0.
-static int degrees(float rad) { return (int)lround(rad * RAD); }
+static int whole_degrees(float rad) { return (int)lround(rad * RAD); }
 
-static void ranges(FILE *to, const struct comparison *c)
+static void write_ranges(FILE *to, const struct comparison *comparison)
 {
     fputs("<h2>Ranges of motion</h2><table><tr><th>joint</th><th>reference</th><th>attempt</th></tr>", to);
     for (int k = 0; k < BODY_ANGLES; k++) {
@@ -268,21 +271,22 @@ static void ranges(FILE *to, const struct comparison *c)
         snprintf(name, sizeof name, "%s", body_angle_name((enum body_angle)k));
         for (char *at = name; (at = strchr(at, '_'));)
             *at = ' ';
-        if (isnan(c->range_a[k].low) || isnan(c->range_b[k].low))
+        if (isnan(comparison->range_a[k].low) || isnan(comparison->range_b[k].low))
             continue;
-        fprintf(to, "<tr><td>%s</td><td>%d° to %d°</td><td>%d° to %d°</td></tr>", name, degrees(c->range_a[k].low),
-                degrees(c->range_a[k].high), degrees(c->range_b[k].low), degrees(c->range_b[k].high));
+        fprintf(to, "<tr><td>%s</td><td>%d° to %d°</td><td>%d° to %d°</td></tr>", name,
+                whole_degrees(comparison->range_a[k].low), whole_degrees(comparison->range_a[k].high),
+                whole_degrees(comparison->range_b[k].low), whole_degrees(comparison->range_b[k].high));
     }
     fputs("</table>", to);
 }
 
-static void repetitions(FILE *to, const struct comparison *c)
+static void write_repetitions(FILE *to, const struct comparison *comparison)
 {
-    if (!c->repetitions.count)
+    if (!comparison->repetitions.count)
         return;
     fputs("<h2>Repetitions</h2><table><tr><th></th><th>time</th><th>score</th></tr>", to);
-    for (int32_t k = 0; k < c->repetitions.count; k++) {
-        const struct judged_repetition *r = &c->repetitions.at[k];
+    for (int32_t k = 0; k < comparison->repetitions.count; k++) {
+        const struct judged_repetition *r = &comparison->repetitions.at[k];
         fprintf(to, "<tr><td>%d</td><td>%.1f s to %.1f s</td><td>%.0f</td></tr>", (int)k + 1,
                 r->attempt.first / MOVEMENT_RATE_HZ, r->attempt.end / MOVEMENT_RATE_HZ, r->score);
     }
@@ -292,7 +296,7 @@ static void repetitions(FILE *to, const struct comparison *c)
 // ------------------------------------------------------------- progress
 
 // Scores of several attempts, in their order.
-static void progress(FILE *to, const struct report_attempt *attempts, int32_t count)
+static void write_progress(FILE *to, const struct report_attempt *attempts, int32_t count)
 {
     enum { LEFT = 30, WIDTH = 780, HEIGHT = 120 };
     const double step = count > 1 ? (double)WIDTH / (count - 1) : 0;
@@ -328,9 +332,9 @@ static void progress(FILE *to, const struct report_attempt *attempts, int32_t co
 
 // ------------------------------------------------------------- the page
 
-static bool attempt(FILE *to, const struct report_attempt *a)
+static bool write_attempt(FILE *to, const struct report_attempt *attempt)
 {
-    const struct comparison *c = a->c;
+    const struct comparison *c = attempt->c;
     uint8_t *cell = NULL;
     const bool whole = verdicts_of(c, &cell) == OK;
     fprintf(to, "<div class=\"score\">%.0f</div><div class=\"dim\">of 100</div><h2>What differs</h2><ol>", c->score);
@@ -343,15 +347,15 @@ static bool attempt(FILE *to, const struct report_attempt *a)
         fprintf(to, "<p>%c%s.</p>", toupper((unsigned char)*not_judged), not_judged + 1);
     fputs("<h2>Over time</h2>", to);
     if (whole)
-        strip(to, c, cell);
+        write_strip(to, c, cell);
     fputs("<p class=\"dim\">Orange: more than 10° different. Green: the same. Grey: cannot tell.</p>", to);
-    if (a->moment_count)
+    if (attempt->moment_count)
         fputs("<h2>Worst moments</h2>", to);
     fputs("<div class=\"pairs\">", to);
-    report_figures(to, a);
+    report_figures(to, attempt);
     fputs("</div>", to);
-    repetitions(to, c);
-    ranges(to, c);
+    write_repetitions(to, c);
+    write_ranges(to, c);
     free(cell);
     return whole;
 }
@@ -374,7 +378,7 @@ char *report_html(const struct report_attempt *attempts, int32_t count, const ch
     fputs("</h1>", to);
     bool broken = false;
     if (count > 1)
-        progress(to, attempts, count);
+        write_progress(to, attempts, count);
     for (int32_t k = 0; k < count; k++) {
         // Of several the last is open.
         if (count > 1) {
@@ -382,7 +386,7 @@ char *report_html(const struct report_attempt *attempts, int32_t count, const ch
             html_put_text(to, attempts[k].name);
             fprintf(to, ": %.0f</summary>", attempts[k].c->score);
         }
-        broken = !attempt(to, &attempts[k]) || broken;
+        broken = !write_attempt(to, &attempts[k]) || broken;
         fputs(count > 1 ? "</details>" : "", to);
     }
     fputs("</html>\n", to);
@@ -401,24 +405,24 @@ struct text {
     size_t size;
 };
 
-static FILE *begin(struct text *t)
+static FILE *begin_text(struct text *text)
 {
-    *t = (struct text){0};
-    return t->to = open_memstream(&t->bytes, &t->size);
+    *text = (struct text){0};
+    return text->to = open_memstream(&text->bytes, &text->size);
 }
 
-static char *end(struct text *t)
+static char *end_text(struct text *text)
 {
-    if (!t->to)
+    if (!text->to)
         return NULL;
-    const bool broken = ferror(t->to);
-    if (!fclose(t->to) && !broken)
-        return t->bytes;
-    free(t->bytes);
+    const bool broken = ferror(text->to);
+    if (!fclose(text->to) && !broken)
+        return text->bytes;
+    free(text->bytes);
     return NULL;
 }
 
-static void number(FILE *to, double value, int digits)
+static void write_number(FILE *to, double value, int digits)
 {
     if (isfinite(value))
         fprintf(to, "%.*f", digits, value);
@@ -426,32 +430,32 @@ static void number(FILE *to, double value, int digits)
         fputs("null", to);
 }
 
-static double seconds(double frame) { return frame / MOVEMENT_RATE_HZ; }
+static double frame_seconds(double frame) { return frame / MOVEMENT_RATE_HZ; }
 
 // ------------------------------------------------------------- JSON
 
-static void json_frame(FILE *to, const struct comparison *c, int32_t f)
+static void json_frame(FILE *to, const struct comparison *comparison, int32_t f)
 {
     struct part_difference parts[PART_COUNT];
-    part_differences(&c->a, &c->b, &c->timeline, f, parts);
-    fprintf(to, "    {\"time_s\": %.3f, \"reference_s\": ", seconds(f));
-    number(to, seconds(c->timeline.reference[f]), 3);
+    part_differences(&comparison->a, &comparison->b, &comparison->timeline, f, parts);
+    fprintf(to, "    {\"time_s\": %.3f, \"reference_s\": ", frame_seconds(f));
+    write_number(to, frame_seconds(comparison->timeline.reference[f]), 3);
     fputs(", \"parts\": {", to);
-    for (int p = 0; p < PART_COUNT && !isnan(c->timeline.reference[f]); p++) {
+    for (int p = 0; p < PART_COUNT && !isnan(comparison->timeline.reference[f]); p++) {
         fprintf(to, "%s\"%s\": {\"angle_deg\": ", p ? ", " : "", part_name((enum part)p));
-        number(to, parts[p].angle_rad * RAD, 1);
+        write_number(to, parts[p].angle_rad * RAD, 1);
         fputs(", \"sigma_deg\": ", to);
-        number(to, parts[p].sigma_rad * RAD, 1);
+        write_number(to, parts[p].sigma_rad * RAD, 1);
         fprintf(to, ", \"verdict\": \"%s\"}", verdict_name(parts[p].verdict));
     }
     fputs("}}", to);
 }
 
-static void json_findings(FILE *to, const struct comparison *c)
+static void json_findings(FILE *to, const struct comparison *comparison)
 {
     fputs("  \"findings\": [", to);
-    for (int32_t k = 0; k < c->finding_count; k++) {
-        const struct finding *f = &c->findings[k];
+    for (int32_t k = 0; k < comparison->finding_count; k++) {
+        const struct finding *f = &comparison->findings[k];
         fprintf(to,
                 "%s\n    {\"part\": \"%s\", \"kind\": \"%s\", \"from_s\": %.2f, \"to_s\": %.2f, \"amount\": %.2f, "
                 "\"unit\": \"%s\", \"sentence\": \"%s\"}",
@@ -460,66 +464,67 @@ static void json_findings(FILE *to, const struct comparison *c)
     fputs("],\n", to);
 }
 
-static void json_repetitions(FILE *to, const struct comparison *c)
+static void json_repetitions(FILE *to, const struct comparison *comparison)
 {
     fputs("  \"repetitions\": [", to);
-    for (int32_t k = 0; k < c->repetitions.count; k++) {
-        const struct judged_repetition *r = &c->repetitions.at[k];
+    for (int32_t k = 0; k < comparison->repetitions.count; k++) {
+        const struct judged_repetition *r = &comparison->repetitions.at[k];
         fprintf(to,
                 "%s\n    {\"from_s\": %.2f, \"to_s\": %.2f, \"reference_from_s\": %.2f, \"reference_to_s\": %.2f, "
                 "\"score\": %.1f}",
-                k ? "," : "", seconds(r->attempt.first), seconds(r->attempt.end), seconds(r->reference.first),
-                seconds(r->reference.end), r->score);
+                k ? "," : "", frame_seconds(r->attempt.first), frame_seconds(r->attempt.end),
+                frame_seconds(r->reference.first), frame_seconds(r->reference.end), r->score);
     }
     fputs("],\n", to);
 }
 
-static void json_ranges(FILE *to, const struct comparison *c)
+static void json_ranges(FILE *to, const struct comparison *comparison)
 {
     fputs("  \"ranges\": {", to);
     for (int k = 0; k < BODY_ANGLES; k++) {
-        const double values[4] = {c->range_a[k].low, c->range_a[k].high, c->range_b[k].low, c->range_b[k].high};
+        const double values[4] = {comparison->range_a[k].low, comparison->range_a[k].high, comparison->range_b[k].low,
+                                  comparison->range_b[k].high};
         fprintf(to, "%s\n    \"%s\": {\"reference_deg\": [", k ? "," : "", body_angle_name((enum body_angle)k));
-        number(to, values[0] * RAD, 1);
+        write_number(to, values[0] * RAD, 1);
         fputs(", ", to);
-        number(to, values[1] * RAD, 1);
+        write_number(to, values[1] * RAD, 1);
         fputs("], \"attempt_deg\": [", to);
-        number(to, values[2] * RAD, 1);
+        write_number(to, values[2] * RAD, 1);
         fputs(", ", to);
-        number(to, values[3] * RAD, 1);
+        write_number(to, values[3] * RAD, 1);
         fputs("]}", to);
     }
     fputs("}\n", to);
 }
 
-static void json_not_judged(FILE *to, const struct comparison *c)
+static void json_not_judged(FILE *to, const struct comparison *comparison)
 {
     char sentence[NOT_JUDGED_BYTES];
     fputs("  \"not_judged\": {\"parts\": [", to);
     for (int p = 0, count = 0; p < PART_COUNT; p++)
-        if (!(c->parts >> p & 1))
+        if (!(comparison->parts >> p & 1))
             fprintf(to, "%s\"%s\"", count++ ? ", " : "", part_name((enum part)p));
-    fprintf(to, "], \"sentence\": \"%s\"},\n", not_judged_text(c, sentence));
+    fprintf(to, "], \"sentence\": \"%s\"},\n", not_judged_text(comparison, sentence));
 }
 
-char *report_json(const struct comparison *c)
+char *report_json(const struct comparison *comparison)
 {
     struct text t;
-    FILE *to = begin(&t);
+    FILE *to = begin_text(&t);
     if (!to)
         return NULL;
-    fprintf(to, "{\n  \"score\": %.4f,\n  \"mirrored\": %s,\n  \"level\": %.2f,\n  \"frames\": [\n", c->score,
-            c->mirrored ? "true" : "false", VERDICT_LEVEL);
-    for (int32_t f = 0; f < c->b.count; f++) {
-        json_frame(to, c, f);
-        fputs(f + 1 < c->b.count ? ",\n" : "],\n", to);
+    fprintf(to, "{\n  \"score\": %.4f,\n  \"mirrored\": %s,\n  \"level\": %.2f,\n  \"frames\": [\n", comparison->score,
+            comparison->mirrored ? "true" : "false", VERDICT_LEVEL);
+    for (int32_t f = 0; f < comparison->b.count; f++) {
+        json_frame(to, comparison, f);
+        fputs(f + 1 < comparison->b.count ? ",\n" : "],\n", to);
     }
-    json_findings(to, c);
-    json_repetitions(to, c);
-    json_not_judged(to, c);
-    json_ranges(to, c);
+    json_findings(to, comparison);
+    json_repetitions(to, comparison);
+    json_not_judged(to, comparison);
+    json_ranges(to, comparison);
     fputs("}\n", to);
-    return end(&t);
+    return end_text(&t);
 }
 
 static void json_text(FILE *to, const char *text)
@@ -543,7 +548,7 @@ static void json_text(FILE *to, const char *text)
 char *report_json_attempts(const struct report_attempt *attempts, int32_t count)
 {
     struct text t;
-    FILE *to = begin(&t);
+    FILE *to = begin_text(&t);
     bool whole = to;
     if (!to)
         return NULL;
@@ -557,7 +562,7 @@ char *report_json_attempts(const struct report_attempt *attempts, int32_t count)
         free(report);
     }
     fputs("]}\n", to);
-    char *bytes = end(&t);
+    char *bytes = end_text(&t);
     if (whole)
         return bytes;
     free(bytes);
@@ -573,10 +578,10 @@ static void csv_number(FILE *to, double value, int digits)
         fprintf(to, "%.*f", digits, value);
 }
 
-char *report_csv(const struct comparison *c)
+char *report_csv(const struct comparison *comparison)
 {
     struct text t;
-    FILE *to = begin(&t);
+    FILE *to = begin_text(&t);
     if (!to)
         return NULL;
     fputs("time_s,reference_s", to);
@@ -585,18 +590,18 @@ char *report_csv(const struct comparison *c)
         fprintf(to, ",%s_deg,%s_reference_deg,%s_sigma_deg", name, name, name);
     }
     fputc('\n', to);
-    for (int32_t f = 0; f < c->b.count; f++) {
-        const double reference = c->timeline.reference[f];
-        const struct body_angles b = body_angles_of(&c->b.frames[f]);
+    for (int32_t f = 0; f < comparison->b.count; f++) {
+        const double reference = comparison->timeline.reference[f];
+        const struct body_angles b = body_angles_of(&comparison->b.frames[f]);
         struct body_angles a;
         for (int k = 0; k < BODY_ANGLES; k++)
             a.rad[k] = a.sigma[k] = NAN;
         if (!isnan(reference)) {
-            const struct movement_frame x = movement_at(&c->a, reference);
+            const struct movement_frame x = movement_at(&comparison->a, reference);
             a = body_angles_of(&x);
         }
-        fprintf(to, "%.3f", seconds(f));
-        csv_number(to, seconds(reference), 3);
+        fprintf(to, "%.3f", frame_seconds(f));
+        csv_number(to, frame_seconds(reference), 3);
         for (int k = 0; k < BODY_ANGLES; k++) {
             csv_number(to, b.rad[k] * RAD, 1);
             csv_number(to, a.rad[k] * RAD, 1);
@@ -604,29 +609,29 @@ char *report_csv(const struct comparison *c)
         }
         fputc('\n', to);
     }
-    return end(&t);
+    return end_text(&t);
 }
 
 // ------------------------------------------------------------- plain text
 
-char *report_text(const struct comparison *c)
+char *report_text(const struct comparison *comparison)
 {
     struct text t;
-    FILE *to = begin(&t);
+    FILE *to = begin_text(&t);
     if (!to)
         return NULL;
-    fprintf(to, "score %.0f of 100\n", c->score);
-    for (int32_t k = 0; k < c->finding_count; k++)
-        fprintf(to, "%-9s %s\n", finding_kind_name(c->findings[k].kind), c->findings[k].sentence);
-    if (!c->finding_count)
+    fprintf(to, "score %.0f of 100\n", comparison->score);
+    for (int32_t k = 0; k < comparison->finding_count; k++)
+        fprintf(to, "%-9s %s\n", finding_kind_name(comparison->findings[k].kind), comparison->findings[k].sentence);
+    if (!comparison->finding_count)
         fputs("no difference found\n", to);
     char not_judged[NOT_JUDGED_BYTES];
-    if (*not_judged_text(c, not_judged))
+    if (*not_judged_text(comparison, not_judged))
         fprintf(to, "%s\n", not_judged);
-    for (int32_t k = 0; k < c->repetitions.count; k++) {
-        const struct judged_repetition *r = &c->repetitions.at[k];
-        fprintf(to, "repetition %d, from %.1f s to %.1f s: %.0f\n", (int)k + 1, seconds(r->attempt.first),
-                seconds(r->attempt.end), r->score);
+    for (int32_t k = 0; k < comparison->repetitions.count; k++) {
+        const struct judged_repetition *r = &comparison->repetitions.at[k];
+        fprintf(to, "repetition %d, from %.1f s to %.1f s: %.0f\n", (int)k + 1, frame_seconds(r->attempt.first),
+                frame_seconds(r->attempt.end), r->score);
     }
-    return end(&t);
+    return end_text(&t);
 }

@@ -5,11 +5,11 @@
 
 // The JSON object of `reenact compare --json`: score, frames, findings, repetitions; and beside them mirrored,
 // not_judged (parts that are not known in both, and a sentence of the joints that lack), ranges.
-char *report_json(const struct comparison *c);
+char *report_json(const struct comparison *comparison);
 
 // One row a frame of B: time_s,reference_s, and of every body angle degrees in the attempt, the reference and the
 // standard deviation of their difference. Empty where unknown.
-char *report_csv(const struct comparison *c);
+char *report_csv(const struct comparison *comparison);
 
 // One of several attempts at the same reference, `a`'s movement in all.
 struct report_attempt {
@@ -41,8 +41,8 @@ struct report_moment {
     struct report_picture reference, attempt; // zeroed by report_moments
 };
 enum { REPORT_MOMENTS = 6 };
-int report_moments(const struct comparison *c, struct report_moment moments[REPORT_MOMENTS]); // how many
-void report_moments_free(struct report_moment *moments, int count);                           // their pictures
+int report_moments(const struct comparison *comparison, struct report_moment moments[REPORT_MOMENTS]); // how many
+void report_moments_free(struct report_moment *moments, int count);                                    // their pictures
 
 // One self-contained page: score, findings, a strip over time for each part, pictures of the worst moments side by
 // side; of several attempts their scores over the attempts, and each attempt to be opened, the last one open. Light and
@@ -50,4 +50,4 @@ void report_moments_free(struct report_moment *moments, int count);             
 char *report_html(const struct report_attempt *attempts, int32_t count, const char *reference_name);
 
 // A few lines for a terminal.
-char *report_text(const struct comparison *c);
+char *report_text(const struct comparison *comparison);

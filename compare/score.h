@@ -27,7 +27,7 @@ struct score_terms {
     double timing_s;             // root mean square of what is early or late beside an even pace
 };
 
-double score_from_terms(const struct score_terms *t); // 0..100; 0 where no part can be compared
+double score_from_terms(const struct score_terms *terms); // 0..100; 0 where no part can be compared
 
 // What of B is scored: frames first..end - 1. moved: [PART_COUNT], how much the reference moves each part, rad; NULL:
 // as its directions vary over the pairs.

@@ -8,83 +8,83 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "glTF's numbers are li
 
 enum { ALIGN = 4 };
 
-static size_t component_bytes(enum glb_component c)
+static size_t component_bytes(enum glb_component component)
 {
-    if (c == GLB_U8)
+    if (component == GLB_U8)
         return 1;
-    return c == GLB_U16 ? 2 : 4;
+    return component == GLB_U16 ? 2 : 4;
 }
 
-void glb_open(struct glb *g)
+void glb_open(struct glb *glb)
 {
-    *g = (struct glb){.root = json_new_object()};
-    struct json *asset = json_add_object(g->root, "asset");
+    *glb = (struct glb){.root = json_new_object()};
+    struct json *asset = json_add_object(glb->root, "asset");
     json_add_string(asset, "version", "2.0");
     json_add_string(asset, "generator", "Reenact");
-    g->views = json_add_array(g->root, "bufferViews");
-    g->accessors = json_add_array(g->root, "accessors");
+    glb->views = json_add_array(glb->root, "bufferViews");
+    glb->accessors = json_add_array(glb->root, "accessors");
 }
 
-void glb_close(struct glb *g)
+void glb_close(struct glb *glb)
 {
-    json_free(&g->root);
-    free(g->bytes);
-    *g = (struct glb){0};
+    json_free(&glb->root);
+    free(glb->bytes);
+    *glb = (struct glb){0};
 }
 
-int glb_add_view(struct glb *g, const void *bytes, size_t count, enum glb_target target)
+int glb_add_view(struct glb *glb, const void *bytes, size_t count, enum glb_target target)
 {
-    const size_t begin = (g->count + ALIGN - 1) / ALIGN * ALIGN, wanted = begin + count;
-    if (wanted > g->capacity && !g->failed) {
+    const size_t begin = (glb->count + ALIGN - 1) / ALIGN * ALIGN, wanted = begin + count;
+    if (wanted > glb->capacity && !glb->failed) {
         const size_t capacity = 2 * wanted;
-        uint8_t *grown = realloc(g->bytes, capacity);
-        g->failed = !grown;
+        uint8_t *grown = realloc(glb->bytes, capacity);
+        glb->failed = !grown;
         if (grown) {
-            g->bytes = grown;
-            g->capacity = capacity;
+            glb->bytes = grown;
+            glb->capacity = capacity;
         }
     }
-    if (g->failed)
+    if (glb->failed)
         return 0;
-    memset(g->bytes + g->count, 0, begin - g->count);
-    memcpy(g->bytes + begin, bytes, count);
-    g->count = wanted;
-    struct json *view = json_add_object(g->views, NULL);
+    memset(glb->bytes + glb->count, 0, begin - glb->count);
+    memcpy(glb->bytes + begin, bytes, count);
+    glb->count = wanted;
+    struct json *view = json_add_object(glb->views, NULL);
     json_add_number(view, "buffer", 0);
     json_add_number(view, "byteOffset", (double)begin);
     json_add_number(view, "byteLength", (double)count);
     if (target)
         json_add_number(view, "target", target);
-    return g->view_count++;
+    return glb->view_count++;
 }
 
 static void add_bounds(struct json *accessor, const float *values, int width, int count)
 {
     struct json *low = json_add_array(accessor, "min"), *high = json_add_array(accessor, "max");
     for (int k = 0; k < width; k++) {
-        float least = values[k], most = values[k];
+        float min = values[k], max = values[k];
         for (int i = 1; i < count; i++) {
-            least = fminf(least, values[i * width + k]);
-            most = fmaxf(most, values[i * width + k]);
+            min = fminf(min, values[i * width + k]);
+            max = fmaxf(max, values[i * width + k]);
         }
-        json_push_number(low, (double)least);
-        json_push_number(high, (double)most);
+        json_push_number(low, (double)min);
+        json_push_number(high, (double)max);
     }
 }
 
-int glb_add_accessor(struct glb *g, const void *numbers, const struct glb_layout *layout)
+int glb_add_accessor(struct glb *glb, const void *numbers, const struct glb_layout *layout)
 {
     static const char *const types[] = {[1] = "SCALAR", [2] = "VEC2", [3] = "VEC3", [4] = "VEC4", [16] = "MAT4"};
     const size_t bytes = component_bytes(layout->component) * (size_t)layout->width * (size_t)layout->count;
-    const int view = glb_add_view(g, numbers, bytes, layout->target);
-    struct json *accessor = json_add_object(g->accessors, NULL);
+    const int view = glb_add_view(glb, numbers, bytes, layout->target);
+    struct json *accessor = json_add_object(glb->accessors, NULL);
     json_add_number(accessor, "bufferView", view);
     json_add_number(accessor, "componentType", layout->component);
     json_add_number(accessor, "count", layout->count);
     json_add_string(accessor, "type", types[layout->width]);
     if (layout->bounds)
         add_bounds(accessor, numbers, layout->width, layout->count);
-    return g->accessor_count++;
+    return glb->accessor_count++;
 }
 
 static uint8_t *put_u32(uint8_t *at, size_t value)

@@ -26,13 +26,13 @@ struct glb_layout {
     bool bounds; // writes min and max, which positions and times need; floats only
 };
 
-void glb_open(struct glb *g);
-void glb_close(struct glb *g); // zeroed is fine; leaves it zeroed
+void glb_open(struct glb *glb);
+void glb_close(struct glb *glb); // zeroed is fine; leaves it zeroed
 
 // Copies the bytes into a view of their own; returns its number.
-int glb_add_view(struct glb *g, const void *bytes, size_t count, enum glb_target target);
+int glb_add_view(struct glb *glb, const void *bytes, size_t count, enum glb_target target);
 // A view and its accessor; returns the accessor's number. Numbers in the machine's order, which must be little-endian.
-int glb_add_accessor(struct glb *g, const void *numbers, const struct glb_layout *layout);
+int glb_add_accessor(struct glb *glb, const void *numbers, const struct glb_layout *layout);
 
 // The whole file; the caller frees *bytes. ERR_MEMORY.
 MUST_CHECK enum status glb_print(const struct glb *g, uint8_t **bytes, size_t *count);

@@ -9,9 +9,9 @@
 #pragma once
 #include "platform/files/image_file.h"
 
-enum { GLB_MOST_TRIANGLES = 100000, GLB_MOST_PARTS = 64, GLB_MOST_TEXTURE = 4096 };
+enum { GLB_MAX_TRIANGLES = 100000, GLB_MAX_PARTS = 64, GLB_MAX_TEXTURE = 4096 };
 // Looking something up in the description takes time in proportion to its length, so that is bounded, too.
-enum { GLB_MOST_VISITS = 4096, GLB_MOST_TEXT_BYTES = 1 << 20 }; // visits: nodes and primitives
+enum { GLB_MAX_VISITS = 4096, GLB_MAX_TEXT_BYTES = 1 << 20 }; // visits: nodes and primitives
 
 struct glb_corner {
     float at[3];     // metres, y up, as in the file's scene
@@ -29,7 +29,7 @@ struct glb_part {
 struct glb_model {
     struct glb_corner *corners;
     int corner_count;
-    struct glb_part parts[GLB_MOST_PARTS];
+    struct glb_part parts[GLB_MAX_PARTS];
     int part_count;
     float low[3], high[3]; // bounds
 };
@@ -37,4 +37,4 @@ struct glb_model {
 // ERR_INPUT with a sentence: no binary glTF 2.0, nothing to draw, beyond the limits above, or broken. ERR_MEMORY. On
 // error *out is zeroed.
 MUST_CHECK enum status glb_read(const uint8_t *bytes, size_t count, struct glb_model *out);
-void glb_model_free(struct glb_model *m); // zeroed is fine
+void glb_model_free(struct glb_model *model); // zeroed is fine

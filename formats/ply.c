@@ -4,15 +4,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-void ply_free(struct ply *p)
+void ply_free(struct ply *ply)
 {
-    free(p->points);
-    free(p->triangles);
-    *p = (struct ply){0};
+    free(ply->points);
+    free(ply->triangles);
+    *ply = (struct ply){0};
 }
 
 // Makes room for one more of `size` bytes each. False: out of memory, or 2^31 of them.
-static bool grow(void **items, int32_t count, int32_t *capacity, size_t size)
+static bool grow_items(void **items, int32_t count, int32_t *capacity, size_t size)
 {
     if (count < *capacity)
         return true;
@@ -32,7 +32,7 @@ static enum status no_memory(void) { return fail(ERR_MEMORY, "no memory for so m
 enum status ply_add_point(struct ply *p, struct vec3 at, const uint8_t rgb[3])
 {
     void *points = p->points;
-    const bool fits = grow(&points, p->point_count, &p->point_capacity, sizeof *p->points);
+    const bool fits = grow_items(&points, p->point_count, &p->point_capacity, sizeof *p->points);
     p->points = points;
     if (!fits)
         return no_memory();
@@ -43,7 +43,7 @@ enum status ply_add_point(struct ply *p, struct vec3 at, const uint8_t rgb[3])
 enum status ply_add_triangle(struct ply *p, int32_t a, int32_t b, int32_t c)
 {
     void *triangles = p->triangles;
-    const bool fits = grow(&triangles, p->triangle_count, &p->triangle_capacity, sizeof *p->triangles);
+    const bool fits = grow_items(&triangles, p->triangle_count, &p->triangle_capacity, sizeof *p->triangles);
     p->triangles = triangles;
     if (!fits)
         return no_memory();
@@ -51,7 +51,7 @@ enum status ply_add_triangle(struct ply *p, int32_t a, int32_t b, int32_t c)
     return OK;
 }
 
-static uint8_t *put(uint8_t *at, const void *value)
+static uint8_t *put_little_endian(uint8_t *at, const void *value)
 {
     uint32_t bits;
     memcpy(&bits, value, sizeof bits);
@@ -60,25 +60,25 @@ static uint8_t *put(uint8_t *at, const void *value)
     return at;
 }
 
-void ply_print(const struct ply *p, const char *comment, FILE *out)
+void ply_print(const struct ply *ply, const char *comment, FILE *out)
 {
     fprintf(out, "ply\nformat binary_little_endian 1.0\ncomment Reenact; metres; %s\n", comment);
-    fprintf(out, "element vertex %d\nproperty float x\nproperty float y\nproperty float z\n", (int)p->point_count);
+    fprintf(out, "element vertex %d\nproperty float x\nproperty float y\nproperty float z\n", (int)ply->point_count);
     fprintf(out, "property uchar red\nproperty uchar green\nproperty uchar blue\n");
-    if (p->triangle_count)
-        fprintf(out, "element face %d\nproperty list uchar int vertex_indices\n", (int)p->triangle_count);
+    if (ply->triangle_count)
+        fprintf(out, "element face %d\nproperty list uchar int vertex_indices\n", (int)ply->triangle_count);
     fprintf(out, "end_header\n");
-    for (int32_t i = 0; i < p->point_count; i++) {
+    for (int32_t i = 0; i < ply->point_count; i++) {
         uint8_t row[15], *at = row;
         for (int k = 0; k < 3; k++)
-            at = put(at, &p->points[i].at[k]);
-        memcpy(at, p->points[i].rgb, 3);
+            at = put_little_endian(at, &ply->points[i].at[k]);
+        memcpy(at, ply->points[i].rgb, 3);
         fwrite(row, 1, sizeof row, out);
     }
-    for (int32_t i = 0; i < p->triangle_count; i++) {
+    for (int32_t i = 0; i < ply->triangle_count; i++) {
         uint8_t row[13] = {3}, *at = row + 1;
         for (int k = 0; k < 3; k++)
-            at = put(at, &p->triangles[i][k]);
+            at = put_little_endian(at, &ply->triangles[i][k]);
         fwrite(row, 1, sizeof row, out);
     }
 }

@@ -1,6 +1,5 @@
 // Points of a PLY file: the vertices' x, y, z; other properties are skipped.
 #include "formats/ply.h"
-
 #include "platform/files/file.h"
 
 #include <stdio.h>
@@ -31,38 +30,38 @@ static int type_bytes(const char *type)
     return 0;
 }
 
-static bool header_line(struct ply_header *h, const char *line)
+static bool header_line(struct ply_header *header, const char *line)
 {
     char a[32] = "", b[32] = "", c[32] = "";
     sscanf(line, "%31s %31s %31s", a, b, c);
     if (!strcmp(a, "format")) {
-        h->ascii = !strcmp(b, "ascii");
-        return h->ascii || !strcmp(b, "binary_little_endian");
+        header->ascii = !strcmp(b, "ascii");
+        return header->ascii || !strcmp(b, "binary_little_endian");
     }
     if (!strcmp(a, "element")) {
-        h->in_vertex = !strcmp(b, "vertex") && h->vertices < 0;
-        if (h->in_vertex)
-            h->vertices = atol(c);
-        return h->in_vertex || h->vertices >= 0; // the vertices come first
+        header->in_vertex = !strcmp(b, "vertex") && header->vertices < 0;
+        if (header->in_vertex)
+            header->vertices = atol(c);
+        return header->in_vertex || header->vertices >= 0; // the vertices come first
     }
-    if (!strcmp(a, "property") && h->in_vertex) {
+    if (!strcmp(a, "property") && header->in_vertex) {
         const int bytes = type_bytes(b);
         for (int k = 0; k < 3; k++)
             if (c[0] == "xyz"[k] && !c[1]) {
-                h->at[k] = h->stride;
-                h->wide[k] = bytes == 8;
-                if (!h->ascii && strncmp(b, "float", 5) != 0 && strcmp(b, "double") != 0)
+                header->at[k] = header->stride;
+                header->wide[k] = bytes == 8;
+                if (!header->ascii && strncmp(b, "float", 5) != 0 && strcmp(b, "double") != 0)
                     return false; // its bytes would be taken for those of a float
             }
-        h->stride += h->ascii ? 1 : bytes;
-        return bytes > 0 && h->stride < 4096;
+        header->stride += header->ascii ? 1 : bytes;
+        return bytes > 0 && header->stride < 4096;
     }
     return true;
 }
 
-static bool read_header(struct ply_header *h, const uint8_t *bytes, size_t size)
+static bool read_header(struct ply_header *header, const uint8_t *bytes, size_t size)
 {
-    *h = (struct ply_header){.vertices = -1, .at = {-1, -1, -1}};
+    *header = (struct ply_header){.vertices = -1, .at = {-1, -1, -1}};
     const char *at = (const char *)bytes, *end = at + size;
     for (int n = 0; at < end && n < 200; n++) {
         const char *stop = memchr(at, '\n', (size_t)(end - at));
@@ -74,38 +73,39 @@ static bool read_header(struct ply_header *h, const uint8_t *bytes, size_t size)
         if (n == 0 && strncmp(line, "ply", 3))
             return false;
         if (!strncmp(line, "end_header", 10)) {
-            h->body = (const uint8_t *)at;
-            return h->vertices >= 0 && h->vertices < 100000000 && h->at[0] >= 0 && h->at[1] >= 0 && h->at[2] >= 0;
+            header->body = (const uint8_t *)at;
+            return header->vertices >= 0 && header->vertices < 100000000 && header->at[0] >= 0 && header->at[1] >= 0 &&
+                   header->at[2] >= 0;
         }
-        if (n && !header_line(h, line))
+        if (n && !header_line(header, line))
             return false;
     }
     return false;
 }
 
-static bool read_vertex(const struct ply_header *h, const uint8_t **at, const uint8_t *end, float out[3])
+static bool read_vertex(const struct ply_header *header, const uint8_t **at, const uint8_t *end, float out[3])
 {
-    if (!h->ascii) {
-        if (end - *at < h->stride)
+    if (!header->ascii) {
+        if (end - *at < header->stride)
             return false;
         for (int k = 0; k < 3; k++)
-            if (h->wide[k]) {
+            if (header->wide[k]) {
                 double value;
-                memcpy(&value, *at + h->at[k], 8);
+                memcpy(&value, *at + header->at[k], 8);
                 out[k] = (float)value;
             } else
-                memcpy(&out[k], *at + h->at[k], 4);
-        *at += h->stride;
+                memcpy(&out[k], *at + header->at[k], 4);
+        *at += header->stride;
         return true;
     }
-    for (int n = 0; n < h->stride; n++) {
+    for (int n = 0; n < header->stride; n++) {
         char *rest;
         const double value = strtod((const char *)*at, &rest);
         if (rest == (const char *)*at)
             return false;
         *at = (const uint8_t *)rest;
         for (int k = 0; k < 3; k++)
-            if (h->at[k] == n)
+            if (header->at[k] == n)
                 out[k] = (float)value;
     }
     return true;
@@ -113,10 +113,10 @@ static bool read_vertex(const struct ply_header *h, const uint8_t **at, const ui
 
 // Whether so many vertices can be in the bytes behind the header: memory is taken for them before they are read. A
 // number in ASCII has a digit and, but for the last one, a blank.
-static bool can_hold(const struct ply_header *h, const uint8_t *end)
+static bool can_hold(const struct ply_header *header, const uint8_t *end)
 {
-    const uint64_t there = (uint64_t)(end - h->body) + h->ascii;
-    return (uint64_t)h->vertices * (uint64_t)(h->ascii ? 2 * h->stride : h->stride) <= there;
+    const uint64_t there = (uint64_t)(end - header->body) + header->ascii;
+    return (uint64_t)header->vertices * (uint64_t)(header->ascii ? 2 * header->stride : header->stride) <= there;
 }
 
 static enum status ends_early(const char *path) { return fail(ERR_CORRUPT, "%s ends before its last point", path); }

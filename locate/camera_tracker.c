@@ -36,15 +36,16 @@ struct camera_tracker {
     double since_seen_s; // since the last pose
 };
 
-struct pose camera_motion_at(const struct camera_motion *m, int64_t time_ns)
+struct pose camera_motion_at(const struct camera_motion *motion, int64_t time_ns)
 {
     int64_t ahead;
-    if (__builtin_sub_overflow(time_ns, m->time_ns, &ahead))
-        ahead = time_ns > m->time_ns ? INT64_MAX : INT64_MIN;
+    if (__builtin_sub_overflow(time_ns, motion->time_ns, &ahead))
+        ahead = time_ns > motion->time_ns ? INT64_MAX : INT64_MIN;
     ahead = clamp_int64(ahead, -CAMERA_MAX_EXTRAPOLATION_NS, CAMERA_MAX_EXTRAPOLATION_NS);
     double t = (double)ahead * 1e-9;
-    struct pose by = {quat_from_rotation_vector(v3_scale(m->angular_velocity, t)), v3_scale(m->linear_velocity, t)};
-    return pose_multiply(m->world_from_camera, by);
+    struct pose by = {quat_from_rotation_vector(v3_scale(motion->angular_velocity, t)),
+                      v3_scale(motion->linear_velocity, t)};
+    return pose_multiply(motion->world_from_camera, by);
 }
 
 enum status camera_tracker_open(struct camera_tracker **out, const struct place *place, const struct lens *lens,
@@ -61,99 +62,99 @@ enum status camera_tracker_open(struct camera_tracker **out, const struct place 
     return status;
 }
 
-void camera_tracker_close(struct camera_tracker **t)
+void camera_tracker_close(struct camera_tracker **tracker)
 {
-    if (*t)
-        locator_close(&(*t)->locator);
-    free(*t);
-    *t = NULL;
+    if (*tracker)
+        locator_close(&(*tracker)->locator);
+    free(*tracker);
+    *tracker = NULL;
 }
 
-static void start_filters(struct camera_tracker *t, const struct location *found, bool ambiguous)
+static void start_filters(struct camera_tracker *tracker, const struct location *found, bool ambiguous)
 {
-    t->count = ambiguous ? 2 : 1;
-    t->tracked = 0;
-    t->chi2[0] = t->chi2[1] = 0;
-    pose_kalman_start(&t->filters[0], found->world_from_camera, found->covariance);
-    pose_kalman_start(&t->filters[1], found->other, found->covariance);
+    tracker->count = ambiguous ? 2 : 1;
+    tracker->tracked = 0;
+    tracker->chi2[0] = tracker->chi2[1] = 0;
+    pose_kalman_start(&tracker->filters[0], found->world_from_camera, found->covariance);
+    pose_kalman_start(&tracker->filters[1], found->other, found->covariance);
 }
 
 // Updates each filter by the measured pose, or by its mirrored one if that agrees better. False: it agrees with none.
-static bool update_filters(struct camera_tracker *t, const struct location *found, bool ambiguous)
+static bool update_filters(struct camera_tracker *tracker, const struct location *found, bool ambiguous)
 {
     bool agrees = false;
-    for (int i = 0; i < t->count; i++) {
-        struct pose_kalman with[2] = {t->filters[i], t->filters[i]};
+    for (int i = 0; i < tracker->count; i++) {
+        struct pose_kalman with[2] = {tracker->filters[i], tracker->filters[i]};
         double off[2];
         off[0] = pose_kalman_update(&with[0], found->world_from_camera, found->noise, MAX_CHI2);
         off[1] = ambiguous ? pose_kalman_update(&with[1], found->other, found->noise, MAX_CHI2) : INFINITY;
         int which = off[1] < off[0];
         if (off[which] <= MAX_CHI2) {
-            t->filters[i] = with[which];
-            t->chi2[i] += off[which] + (which ? found->other_excess_cost : 0);
+            tracker->filters[i] = with[which];
+            tracker->chi2[i] += off[which] + (which ? found->other_excess_cost : 0);
             agrees = true;
         } else {
-            t->chi2[i] += MAX_CHI2;
+            tracker->chi2[i] += MAX_CHI2;
         }
     }
-    for (int i = 0; t->count == 2 && i < 2; i++) {
-        if (t->chi2[i] - t->chi2[!i] > DECISIVE_CHI2) {
-            t->filters[0] = t->filters[!i];
-            t->count = 1;
+    for (int i = 0; tracker->count == 2 && i < 2; i++) {
+        if (tracker->chi2[i] - tracker->chi2[!i] > DECISIVE_CHI2) {
+            tracker->filters[0] = tracker->filters[!i];
+            tracker->count = 1;
         }
     }
-    if (t->count == 2 && t->chi2[1] < t->chi2[0]) { // the more likely one first
-        struct pose_kalman k = t->filters[0];
-        double chi2 = t->chi2[0];
-        t->filters[0] = t->filters[1], t->chi2[0] = t->chi2[1];
-        t->filters[1] = k, t->chi2[1] = chi2;
+    if (tracker->count == 2 && tracker->chi2[1] < tracker->chi2[0]) { // the more likely one first
+        struct pose_kalman k = tracker->filters[0];
+        double chi2 = tracker->chi2[0];
+        tracker->filters[0] = tracker->filters[1], tracker->chi2[0] = tracker->chi2[1];
+        tracker->filters[1] = k, tracker->chi2[1] = chi2;
     }
     return agrees;
 }
 
-static void fill_result(const struct camera_tracker *t, const struct location *found, struct location *out,
+static void fill_result(const struct camera_tracker *tracker, const struct location *found, struct location *out,
                         struct camera_motion *motion)
 {
-    const struct pose_kalman *k = &t->filters[0];
+    const struct pose_kalman *k = &tracker->filters[0];
     *out = *found;
     out->world_from_camera = k->world_from_camera;
-    out->other = t->filters[t->count == 2].world_from_camera;
+    out->other = tracker->filters[tracker->count == 2].world_from_camera;
     for (int i = 0; i < 36; i++)
         out->covariance[i] = k->covariance[i / 6][i % 6] + found->covariance[i] - found->noise[i];
     out->position_sigma_m = sqrt(out->covariance[21] + out->covariance[28] + out->covariance[35]);
-    *motion =
-        (struct camera_motion){t->time_ns, k->world_from_camera, v3(k->velocity[3], k->velocity[4], k->velocity[5]),
-                               v3(k->velocity[0], k->velocity[1], k->velocity[2])};
+    *motion = (struct camera_motion){tracker->time_ns, k->world_from_camera,
+                                     v3(k->velocity[3], k->velocity[4], k->velocity[5]),
+                                     v3(k->velocity[0], k->velocity[1], k->velocity[2])};
 }
 
 // The standard deviation of predicted positions in the image, pixels.
-static double predicted_sigma_px(const struct camera_tracker *t)
+static double predicted_sigma_px(const struct camera_tracker *tracker)
 {
-    const struct pose_kalman *k = &t->filters[0];
-    const struct lens *lens = locator_lens(t->locator);
+    const struct pose_kalman *k = &tracker->filters[0];
+    const struct lens *lens = locator_lens(tracker->locator);
     return fmax(lens->fx, lens->fy) * sqrt(fmax(k->covariance[0][0], k->covariance[1][1]));
 }
 
 // The filter's velocity as the prior while the image is read.
-static void set_motion_prior(struct camera_tracker *t)
+static void set_motion_prior(struct camera_tracker *tracker)
 {
-    const struct pose_kalman *k = &t->filters[0];
+    const struct pose_kalman *k = &tracker->filters[0];
     double covariance[36];
     for (int i = 0; i < 36; i++)
         covariance[i] = k->covariance[6 + i / 6][6 + i % 6];
-    locator_set_motion_prior(t->locator, k->velocity, covariance);
+    locator_set_motion_prior(tracker->locator, k->velocity, covariance);
 }
 
 // Updates the filters by the image's pose.
-static enum status finish_frame(struct camera_tracker *t, const struct location *found, bool ambiguous,
+static enum status finish_frame(struct camera_tracker *tracker, const struct location *found, bool ambiguous,
                                 struct location *out, struct camera_motion *motion)
 {
-    t->since_seen_s = 0;
-    t->tracked = t->count == 1 ? t->tracked + 1 : 0;
-    if (!t->count || !update_filters(t, found, ambiguous))
-        start_filters(t, found, ambiguous);
-    fill_result(t, found, out, motion);
-    return t->count == 2 ? AMBIGUOUS : OK;
+    tracker->since_seen_s = 0;
+    tracker->tracked = tracker->count == 1 ? tracker->tracked + 1 : 0;
+    if (!tracker->count || !update_filters(tracker, found, ambiguous))
+        start_filters(tracker, found, ambiguous);
+    fill_result(tracker, found, out, motion);
+    return tracker->count == 2 ? AMBIGUOUS : OK;
 }
 
 enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
@@ -199,21 +200,21 @@ enum status camera_tracker_process(struct camera_tracker *t, const uint8_t *colo
     return status == NOTHING ? camera_tracker_localize(t, color, depth, out, motion) : status;
 }
 
-void camera_tracker_reset(struct camera_tracker *t)
+void camera_tracker_reset(struct camera_tracker *tracker)
 {
-    t->started = false;
-    t->count = t->tracked = 0;
-    t->since_seen_s = 0;
+    tracker->started = false;
+    tracker->count = tracker->tracked = 0;
+    tracker->since_seen_s = 0;
 }
 
-const struct lens *camera_tracker_lens(const struct camera_tracker *t) { return locator_lens(t->locator); }
+const struct lens *camera_tracker_lens(const struct camera_tracker *tracker) { return locator_lens(tracker->locator); }
 
-bool camera_tracker_focal_is_wrong(const struct camera_tracker *t, double *scale)
+bool camera_tracker_focal_is_wrong(const struct camera_tracker *tracker, double *scale)
 {
-    return locator_focal_is_wrong(t->locator, scale);
+    return locator_focal_is_wrong(tracker->locator, scale);
 }
 
-int32_t camera_tracker_moved_tags(const struct camera_tracker *t, int32_t *first)
+int32_t camera_tracker_moved_tags(const struct camera_tracker *tracker, int32_t *first)
 {
-    return locator_moved_tags(t->locator, first);
+    return locator_moved_tags(tracker->locator, first);
 }

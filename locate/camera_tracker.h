@@ -31,7 +31,7 @@ struct camera_tracker;
 // As locator_open.
 MUST_CHECK enum status camera_tracker_open(struct camera_tracker **out, const struct place *place,
                                            const struct lens *lens, const struct locator_options *options);
-void camera_tracker_close(struct camera_tracker **t); // NULL is fine; sets *t = NULL
+void camera_tracker_close(struct camera_tracker **tracker); // NULL is fine; sets *tracker = NULL
 
 // The next image. color, depth: as locator_localize. time_ns: when it was taken, later than the last.
 // OK         *out and *motion filled; the covariance includes the earlier images
@@ -53,9 +53,9 @@ MUST_CHECK enum status camera_tracker_localize(struct camera_tracker *t, const u
 
 // The camera's clock has been restarted: pose, motion and time are forgotten, what was estimated of the place's
 // landmarks, tags and the lens is kept.
-void camera_tracker_reset(struct camera_tracker *t);
+void camera_tracker_reset(struct camera_tracker *tracker);
 
 // As locator_lens, locator_focal_is_wrong and locator_moved_tags.
-const struct lens *camera_tracker_lens(const struct camera_tracker *t);
-bool camera_tracker_focal_is_wrong(const struct camera_tracker *t, double *scale);
-int32_t camera_tracker_moved_tags(const struct camera_tracker *t, int32_t *first);
+const struct lens *camera_tracker_lens(const struct camera_tracker *tracker);
+bool camera_tracker_focal_is_wrong(const struct camera_tracker *tracker, double *scale);
+int32_t camera_tracker_moved_tags(const struct camera_tracker *tracker, int32_t *first);

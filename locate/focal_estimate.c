@@ -59,7 +59,7 @@ static double cost_at(const struct pose_problem *problem, double log_scale, stru
     return pnp_refine(&scaled, camera_from_world);
 }
 
-void focal_estimate_add(struct focal_estimate *f, const struct pose_problem *problem,
+void focal_estimate_add(struct focal_estimate *estimate, const struct pose_problem *problem,
                         const struct pose *camera_from_world)
 {
     double at = 0, curvature = 0, cost = 0, numbers = -7; // degrees of freedom: pose and focal length take up seven
@@ -89,30 +89,30 @@ void focal_estimate_add(struct focal_estimate *f, const struct pose_problem *pro
     if (!(information > 1 / (WORST_SIGMA * WORST_SIGMA)) || !isfinite(at))
         return;
     information = 1 / (1 / information + BEST_SIGMA * BEST_SIGMA);
-    f->sum += at * information;
-    f->information += information;
-    f->frames++;
+    estimate->sum += at * information;
+    estimate->information += information;
+    estimate->frames++;
 }
 
-double focal_estimate_posterior(const struct focal_estimate *f, double before, double *sigma)
+double focal_estimate_posterior(const struct focal_estimate *estimate, double before, double *sigma)
 {
     const double prior = 1 / (*sigma * *sigma);
-    *sigma = 1 / sqrt(prior + f->information);
-    return (before * prior + f->sum) / (prior + f->information);
+    *sigma = 1 / sqrt(prior + estimate->information);
+    return (before * prior + estimate->sum) / (prior + estimate->information);
 }
 
-void focal_estimate_shift(struct focal_estimate *f, double by)
+void focal_estimate_shift(struct focal_estimate *estimate, double by)
 {
-    if (!f->frames)
+    if (!estimate->frames)
         return;
-    const double mean = f->sum / f->information - by, worse = SHORTFALL_SHARE * by;
-    f->information = 1 / (1 / f->information + worse * worse);
-    f->sum = mean * f->information;
+    const double mean = estimate->sum / estimate->information - by, worse = SHORTFALL_SHARE * by;
+    estimate->information = 1 / (1 / estimate->information + worse * worse);
+    estimate->sum = mean * estimate->information;
 }
 
-bool focal_estimate_is_wrong(const struct focal_estimate *f, double *scale)
+bool focal_estimate_is_wrong(const struct focal_estimate *estimate, double *scale)
 {
-    double mean = f->frames ? f->sum / f->information : 0;
+    double mean = estimate->frames ? estimate->sum / estimate->information : 0;
     *scale = exp(mean);
-    return f->frames && fabs(mean) > TOLERATED && fabs(mean) > SURE_SIGMA / sqrt(f->information);
+    return estimate->frames && fabs(mean) > TOLERATED && fabs(mean) > SURE_SIGMA / sqrt(estimate->information);
 }

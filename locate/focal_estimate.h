@@ -14,17 +14,17 @@ struct focal_estimate {
 // Adds an image; problem: of its pose, the first FOCAL_MAX_POINTS points are used, depth is not. Nothing changes where
 // the image leaves the focal length undetermined, as when all lies in one plane parallel to the image.
 enum { FOCAL_MAX_POINTS = 400 };
-void focal_estimate_add(struct focal_estimate *f, const struct pose_problem *problem,
+void focal_estimate_add(struct focal_estimate *estimate, const struct pose_problem *problem,
                         const struct pose *camera_from_world);
 
 // The mean of the estimate combined with a prior of mean `before` and standard deviation *sigma, in the same unit.
 // *sigma becomes that of the result.
-double focal_estimate_posterior(const struct focal_estimate *f, double before, double *sigma);
+double focal_estimate_posterior(const struct focal_estimate *estimate, double before, double *sigma);
 
 // The calibration has been changed by `by` (logarithm): makes the estimate relative to the new one, and less certain,
 // since images measured far from the right focal length are biased towards the one in use.
-void focal_estimate_shift(struct focal_estimate *f, double by);
+void focal_estimate_shift(struct focal_estimate *estimate, double by);
 
 // True: the focal length is wrong, by more than noise and a map's own errors explain.
 // *scale: the true one over the calibration's; 1 where nothing is known.
-bool focal_estimate_is_wrong(const struct focal_estimate *f, double *scale);
+bool focal_estimate_is_wrong(const struct focal_estimate *estimate, double *scale);

@@ -60,21 +60,21 @@ enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height)
     return OK;
 }
 
-void klt_pyramid_close(struct klt_pyramid *p)
+void klt_pyramid_close(struct klt_pyramid *pyramid)
 {
     for (int l = 0; l < KLT_LEVELS; l++)
-        free(p->level[l]);
-    *p = (struct klt_pyramid){{0}, {0}, {NULL}};
+        free(pyramid->level[l]);
+    *pyramid = (struct klt_pyramid){{0}, {0}, {NULL}};
 }
 
-void klt_pyramid_build(struct klt_pyramid *p, const uint8_t *gray)
+void klt_pyramid_build(struct klt_pyramid *pyramid, const uint8_t *gray)
 {
-    memcpy(p->level[0], gray, (size_t)p->width[0] * (size_t)p->height[0]);
+    memcpy(pyramid->level[0], gray, (size_t)pyramid->width[0] * (size_t)pyramid->height[0]);
     for (int l = 1; l < KLT_LEVELS; l++) {
-        int wide = p->width[l - 1], across = p->width[l];
-        for (int y = 0; y < p->height[l]; y++) {
-            const uint8_t *a = p->level[l - 1] + (size_t)(2 * y) * (size_t)wide, *b = a + wide;
-            uint8_t *out = p->level[l] + (size_t)y * (size_t)across;
+        int wide = pyramid->width[l - 1], across = pyramid->width[l];
+        for (int y = 0; y < pyramid->height[l]; y++) {
+            const uint8_t *a = pyramid->level[l - 1] + (size_t)(2 * y) * (size_t)wide, *b = a + wide;
+            uint8_t *out = pyramid->level[l] + (size_t)y * (size_t)across;
             for (int x = 0; x < across; x++)
                 out[x] = (uint8_t)((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) >> 2);
         }
@@ -82,17 +82,18 @@ void klt_pyramid_build(struct klt_pyramid *p, const uint8_t *gray)
 }
 
 // Reads across x down values around `at`, bilinear. False: not wholly in the image.
-static inline bool read_around(const struct klt_pyramid *p, int l, struct pixel at, int across, int down,
+static inline bool read_around(const struct klt_pyramid *pyramid, int l, struct pixel at, int across, int down,
                                float *restrict out)
 {
     double left = at.x - (across - 1) * 0.5, top = at.y - (down - 1) * 0.5;
-    if (!(left >= 0 && top >= 0 && left < p->width[l] - across && top < p->height[l] - down))
+    if (!(left >= 0 && top >= 0 && left < pyramid->width[l] - across && top < pyramid->height[l] - down))
         return false;
     int x0 = (int)left, y0 = (int)top;
     float fx = (float)(left - x0), fy = (float)(top - y0);
     float w00 = (1 - fx) * (1 - fy), w10 = fx * (1 - fy), w01 = (1 - fx) * fy, w11 = fx * fy;
-    const uint8_t *a = p->level[l] + (size_t)y0 * (size_t)p->width[l] + (size_t)x0, *b = a + p->width[l];
-    for (int row = 0; row < down; row++, a = b, b += p->width[l], out += across)
+    const uint8_t *a = pyramid->level[l] + (size_t)y0 * (size_t)pyramid->width[l] + (size_t)x0,
+                  *b = a + pyramid->width[l];
+    for (int row = 0; row < down; row++, a = b, b += pyramid->width[l], out += across)
         for (int c = 0; c < across; c++)
             out[c] = w00 * (float)a[c] + w10 * (float)a[c + 1] + w01 * (float)b[c] + w11 * (float)b[c + 1];
     return true;
@@ -115,7 +116,7 @@ static inline float sum_products(const float a[KLT_PIXELS], const float b[KLT_PI
 }
 
 // Subtracts the mean and returns the standard deviation.
-static inline float centre(float value[KLT_PIXELS])
+static inline float centre_values(float value[KLT_PIXELS])
 {
     float column[KLT_WIDTH] = {0};
     for (int i = 0; i < KLT_PIXELS; i += KLT_WIDTH)
@@ -129,11 +130,12 @@ static inline float centre(float value[KLT_PIXELS])
 
 static double level_coordinate(double full, int l) { return (full + 0.5) / (1 << l) - 0.5; }
 
-static bool extract_level(const struct klt_pyramid *p, int l, struct pixel at, struct klt_level *out)
+static bool extract_level(const struct klt_pyramid *pyramid, int l, struct pixel at, struct klt_level *out)
 {
     float wide[WIDE * HIGH];
     out->sigma = 0;
-    if (!read_around(p, l, (struct pixel){level_coordinate(at.x, l), level_coordinate(at.y, l)}, WIDE, HIGH, wide))
+    if (!read_around(pyramid, l, (struct pixel){level_coordinate(at.x, l), level_coordinate(at.y, l)}, WIDE, HIGH,
+                     wide))
         return false;
     for (int row = 0, i = 0; row < KLT_HEIGHT; row++) {
         const float *v = wide + (row + 1) * WIDE + 1;
@@ -145,7 +147,7 @@ static bool extract_level(const struct klt_pyramid *p, int l, struct pixel at, s
     }
     float xx = sum_products(out->grad_x, out->grad_x), xy = sum_products(out->grad_x, out->grad_y),
           yy = sum_products(out->grad_y, out->grad_y);
-    float sigma = centre(out->value), det = xx * yy - xy * xy;
+    float sigma = centre_values(out->value), det = xx * yy - xy * xy;
     // Along a single edge the position would be undetermined.
     if (!(sigma > MIN_SIGMA) || !(det > 0.02f * (xx + yy) * (xx + yy)))
         return false;
@@ -154,22 +156,22 @@ static bool extract_level(const struct klt_pyramid *p, int l, struct pixel at, s
     return true;
 }
 
-bool klt_patch_extract(const struct klt_pyramid *p, struct pixel at, struct klt_patch *out)
+bool klt_patch_extract(const struct klt_pyramid *pyramid, struct pixel at, struct klt_patch *out)
 {
     for (int l = 1; l < KLT_LEVELS; l++)
-        extract_level(p, l, at, &out->level[l]);
-    return extract_level(p, 0, at, &out->level[0]);
+        extract_level(pyramid, l, at, &out->level[l]);
+    return extract_level(pyramid, 0, at, &out->level[0]);
 }
 
 // One level, from *at in its pixels. *correlation: at the end. False: it left the image; *at is undefined.
-static bool align_level(const struct klt_pyramid *p, int l, const struct klt_level *patch, struct pixel *at,
+static bool align_level(const struct klt_pyramid *pyramid, int l, const struct klt_level *patch, struct pixel *at,
                         float *correlation)
 {
     float now[KLT_PIXELS], step = 1;
     for (int round = 0; round < MAX_ROUNDS; round++) {
-        if (!read_around(p, l, *at, KLT_WIDTH, KLT_HEIGHT, now))
+        if (!read_around(pyramid, l, *at, KLT_WIDTH, KLT_HEIGHT, now))
             return false;
-        float sigma = centre(now), gain = patch->sigma / fmaxf(sigma, 0.5f);
+        float sigma = centre_values(now), gain = patch->sigma / fmaxf(sigma, 0.5f);
         *correlation = sum_products(now, patch->value) / (KLT_PIXELS * patch->sigma * fmaxf(sigma, 0.5f));
         if (step < CONVERGED_PX)
             break;
@@ -189,7 +191,8 @@ static bool align_level(const struct klt_pyramid *p, int l, const struct klt_lev
     return isfinite(at->x) && isfinite(at->y);
 }
 
-bool klt_patch_track(const struct klt_pyramid *p, const struct klt_patch *patch, bool near_guess, struct pixel *at)
+bool klt_patch_track(const struct klt_pyramid *pyramid, const struct klt_patch *patch, bool near_guess,
+                     struct pixel *at)
 {
     struct pixel now = *at;
     for (int l = near_guess ? 0 : KLT_LEVELS - 1; l >= 0; l--) {
@@ -197,7 +200,7 @@ bool klt_patch_track(const struct klt_pyramid *p, const struct klt_patch *patch,
         float correlation = 0;
         if (!(patch->level[l].sigma > 0))
             continue;
-        if (!align_level(p, l, &patch->level[l], &here, &correlation)) {
+        if (!align_level(pyramid, l, &patch->level[l], &here, &correlation)) {
             if (l == 0)
                 return false;
             continue;

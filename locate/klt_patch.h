@@ -15,8 +15,8 @@ struct klt_pyramid {
 };
 
 MUST_CHECK enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height); // ERR_MEMORY: *p is zeroed
-void klt_pyramid_close(struct klt_pyramid *p);                                         // zeroed is fine
-void klt_pyramid_build(struct klt_pyramid *p, const uint8_t *gray);
+void klt_pyramid_close(struct klt_pyramid *pyramid);                                   // zeroed is fine
+void klt_pyramid_build(struct klt_pyramid *pyramid, const uint8_t *gray);
 
 // One level of a patch: brightness less its mean, its gradient, and the inverse of the 2 x 2 gradient matrix (xx, xy,
 // yy); sigma: standard deviation of the brightness, 0: too little texture at this level.
@@ -30,8 +30,9 @@ struct klt_patch {
 };
 
 // False, *out not to be used: at the image's edge, or too little texture to be found again.
-bool klt_patch_extract(const struct klt_pyramid *p, struct pixel at, struct klt_patch *out);
+bool klt_patch_extract(const struct klt_pyramid *pyramid, struct pixel at, struct klt_patch *out);
 
 // Looks for the patch near *at: within about ten pixels; near_guess: within one or two, in a third of the time.
 // False, *at untouched: not found.
-bool klt_patch_track(const struct klt_pyramid *p, const struct klt_patch *patch, bool near_guess, struct pixel *at);
+bool klt_patch_track(const struct klt_pyramid *pyramid, const struct klt_patch *patch, bool near_guess,
+                     struct pixel *at);

@@ -43,19 +43,19 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
         index->order[next[cells[i]]++] = i;
 }
 
-void feature_covariance(const struct feature *f, double out[3])
+void feature_covariance(const struct feature *feature, double out[3])
 {
     // Tuned on the tests' small world (tests/world), the known truth of which tells between which two features the same
     // point is seen: the standard deviation of their difference, in pixels of the pyramid level, as a power of the
     // ratio of the gradient matrix's eigenvalues. Along an edge it is bounded by the search radius. Each of the two
     // features has half of the variance.
     static const double CORNER = 0.5, ACROSS = -0.25, LEAST = 0.24, ALONG = 0.4, MOST = 1.3, EACH = 0.5;
-    double middle = (f->slope[0] + f->slope[2]) / 2.0, apart_x = (f->slope[0] - f->slope[2]) / 2.0,
-           apart_y = f->slope[1];
+    double middle = (feature->slope[0] + feature->slope[2]) / 2.0,
+           apart_x = (feature->slope[0] - feature->slope[2]) / 2.0, apart_y = feature->slope[1];
     double apart = hypot(apart_x, apart_y), ratio = (middle + apart) / fmax(middle - apart, 1e-6 * (middle + 1e-6));
     ratio = fmax(ratio, 1);
-    double across = fmax(LEAST, CORNER * pow(ratio, ACROSS)) * f->scale;
-    double along = fmin(MOST, CORNER * pow(ratio, ALONG)) * f->scale;
+    double across = fmax(LEAST, CORNER * pow(ratio, ACROSS)) * feature->scale;
+    double along = fmin(MOST, CORNER * pow(ratio, ALONG)) * feature->scale;
     // The mean of the two variances, and the deviatoric part along the gradient's direction.
     double mean = EACH * (across * across + along * along) / 2;
     double change = apart > 0 ? (EACH * across * across - mean) / apart : 0;
@@ -74,28 +74,28 @@ static double bilinear_form(const float c[6], struct vec3 r, struct vec3 q)
 }
 
 // Variance against the usual one: where more bits differ, the match is less exact, or wrong.
-static double variance_factor(const struct place_landmark *point, const struct feature *f)
+static double variance_factor(const struct place_landmark *point, const struct feature *feature)
 {
     // Tuned on the tests' small world: mean squared error of features within LANDMARK_NARROW_PX that should show the
     // same point, by bits that differ: 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55,
     // 4.7 at 65.
-    double bits = feature_distance(point->descriptor, f->descriptor) / 32.0;
+    double bits = feature_distance(point->descriptor, feature->descriptor) / 32.0;
     return fmax(1, 0.3 + bits * bits);
 }
 
-void match_covariance(const struct place_landmark *point, const struct feature *f, double out[3])
+void match_covariance(const struct place_landmark *point, const struct feature *feature, double out[3])
 {
-    double times = variance_factor(point, f);
-    feature_covariance(f, out);
+    double times = variance_factor(point, feature);
+    feature_covariance(feature, out);
     for (int i = 0; i < 3; i++)
         out[i] *= times;
 }
 
-void landmark_covariance(const struct place_landmark *point, const struct feature *f, const struct lens *lens,
+void landmark_covariance(const struct place_landmark *point, const struct feature *feature, const struct lens *lens,
                          const struct pose *camera_from_world, double out[3])
 {
     struct vec3 p = pose_apply(*camera_from_world, point->world);
-    match_covariance(point, f, out);
+    match_covariance(point, feature, out);
     // The sweep's images showed it no better, and along an edge their errors are the same, so they do not average out.
     for (int i = 0; i < 3; i++)
         out[i] *= 2;
@@ -175,8 +175,8 @@ static int best_feature(const struct place_landmark *point, const struct feature
             }
         }
     }
-    int most = radius > LANDMARK_NARROW_PX ? MAX_BITS : MAX_BITS_NARROW;
-    return *bits <= most && *bits * 100 < MAX_RATIO_PERCENT * second ? best : -1;
+    int max = radius > LANDMARK_NARROW_PX ? MAX_BITS : MAX_BITS_NARROW;
+    return *bits <= max && *bits * 100 < MAX_RATIO_PERCENT * second ? best : -1;
 }
 
 // Whether a camera at `eye` sees the landmark from about the side from which the sweep saw it. True where that is not
@@ -309,7 +309,7 @@ struct refinement {
 // large as the radius. window.only_facing: landmarks seen from another side than in the sweep take part only in the
 // narrowest search, when the others have given the pose. matches: those that agree in the end.
 static void match_and_refine(const struct match_query *query, struct match_window window, bool rolling,
-                             struct refinement *r, struct landmark_match *matches, int capacity)
+                             struct refinement *refinement, struct landmark_match *matches, int capacity)
 {
     struct pnp_point seen[FEATURES_MAX];
     struct pose_problem problem = {.tags = query->tags,
@@ -317,29 +317,29 @@ static void match_and_refine(const struct match_query *query, struct match_windo
                                    .points = seen,
                                    .fx = query->lens->fx,
                                    .fy = query->lens->fy,
-                                   .motion = rolling ? &r->motion : NULL};
+                                   .motion = rolling ? &refinement->motion : NULL};
     int count;
-    r->first = r->kept = 0;
+    refinement->first = refinement->kept = 0;
     for (double radius = window.radius_px;; radius = fmax(radius / 2.5, LANDMARK_NARROW_PX)) {
         const bool only_facing = window.only_facing && radius > LANDMARK_NARROW_PX;
-        count = landmarks_match(query, (struct match_window){radius, only_facing}, problem.motion, &r->pose, matches,
-                                capacity);
-        r->first = r->first ? r->first : count;
+        count = landmarks_match(query, (struct match_window){radius, only_facing}, problem.motion, &refinement->pose,
+                                matches, capacity);
+        refinement->first = refinement->first ? refinement->first : count;
         if (count < MIN_POINTS)
             return;
-        problem.point_count = landmark_correspondences(query, &r->pose, matches, count, seen);
+        problem.point_count = landmark_correspondences(query, &refinement->pose, matches, count, seen);
         for (problem.point_px = radius / 3; problem.point_px > 0.5; problem.point_px /= 3)
-            pnp_refine(&problem, &r->pose);
+            pnp_refine(&problem, &refinement->pose);
         if (radius <= LANDMARK_NARROW_PX)
             break;
     }
     problem.point_px = 0;
-    try_mirrored(&problem, &r->pose);
+    try_mirrored(&problem, &refinement->pose);
     int kept = 0;
     for (int i = 0; i < count; i++)
-        if (pnp_point_error(&seen[i], problem.motion, &r->pose, problem.fx, problem.fy) < 4)
+        if (pnp_point_error(&seen[i], problem.motion, &refinement->pose, problem.fx, problem.fy) < 4)
             matches[kept++] = matches[i];
-    r->kept = kept < MIN_POINTS || 2 * kept < count ? 0 : kept;
+    refinement->kept = kept < MIN_POINTS || 2 * kept < count ? 0 : kept;
 }
 
 // The matches of landmarks that face the camera. How many.

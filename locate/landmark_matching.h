@@ -3,9 +3,9 @@
 // distance within a radius is taken if it is clearly the best (ratio test). Pure, deterministic; the functions that
 // match or refine keep about 200 KiB on the stack.
 #pragma once
-#include "recording/place.h"
 #include "locate/pose_solver.h"
 #include "platform/vision/image_features.h"
+#include "recording/place.h"
 
 enum {
     FEATURES_MAX = 1000,
@@ -65,18 +65,18 @@ int landmark_correspondences(const struct match_query *query, const struct pose 
 double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at);
 
 // The covariance of a feature's position, pixels^2: xx, xy, yy. Small across an edge, large along it.
-void feature_covariance(const struct feature *f, double out[3]);
+void feature_covariance(const struct feature *feature, double out[3]);
 
 // The same of a feature matched to a landmark: the more bits of the descriptors differ, the larger.
-void match_covariance(const struct place_landmark *point, const struct feature *f, double out[3]);
+void match_covariance(const struct place_landmark *point, const struct feature *feature, double out[3]);
 
 // The covariance of the reprojection error of a match: of the feature, of the sweep's features, and of the landmark's
 // position in the map.
-void landmark_covariance(const struct place_landmark *point, const struct feature *f, const struct lens *lens,
+void landmark_covariance(const struct place_landmark *point, const struct feature *feature, const struct lens *lens,
                          const struct pose *camera_from_world, double out[3]);
 
 // The variance of the landmark's distance along the camera's z, m^2; 0: not known.
 double landmark_depth_variance(const struct place_landmark *point, const struct pose *camera_from_world);
 
 // An isotropic standard deviation, pixels, for a pose that is only roughly known.
-static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }
+static inline double feature_sigma(const struct feature *feature) { return 0.6 * feature->scale; }

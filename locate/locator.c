@@ -16,32 +16,32 @@ static const double MIN_PREDICTED_PX = 10;
 // The number of a predicted tag was not decoded, so its pattern must correlate well. Chosen by hand.
 static const double PREDICTED_MIN_CORRELATION = 0.8;
 
-void locator_begin_frame(struct locator *l, const uint8_t *color)
+void locator_begin_frame(struct locator *locator, const uint8_t *color)
 {
-    locator_update_lens(l);
-    gray_from_rgb(color, (size_t)l->lens.width * (size_t)l->lens.height, l->gray);
-    l->frame_motion = l->expected;
-    l->expected = shutter_motion_unknown();
+    locator_update_lens(locator);
+    gray_from_rgb(color, (size_t)locator->lens.width * (size_t)locator->lens.height, locator->gray);
+    locator->frame_motion = locator->expected;
+    locator->expected = shutter_motion_unknown();
 }
 
-void locator_add_observation(struct locator *l, const struct tag_observation *seen, int32_t which,
+void locator_add_observation(struct locator *locator, const struct tag_observation *seen, int32_t which,
                              const uint16_t *depth)
 {
-    l->observations[l->observed_count] = *seen;
-    l->observed_tag[l->observed_count] = which;
-    l->depths[l->observed_count].count = 0;
+    locator->observations[locator->observed_count] = *seen;
+    locator->observed_tag[locator->observed_count] = which;
+    locator->depths[locator->observed_count].count = 0;
     if (depth)
-        tag_read_depth(seen, &l->lens, depth, &l->depths[l->observed_count]);
-    l->observed_count++;
+        tag_read_depth(seen, &locator->lens, depth, &locator->depths[locator->observed_count]);
+    locator->observed_count++;
 }
 
-void locator_pnp_tags(const struct locator *l, struct pnp_tag *tags)
+void locator_pnp_tags(const struct locator *locator, struct pnp_tag *tags)
 {
-    for (int i = 0; i < l->observed_count; i++) {
-        const struct place_tag *tag = &l->tags[l->observed_tag[i]];
+    for (int i = 0; i < locator->observed_count; i++) {
+        const struct place_tag *tag = &locator->tags[locator->observed_tag[i]];
         tags[i] = (struct pnp_tag){
-            .seen = &l->observations[i],
-            .depth = l->depths[i].count ? &l->depths[i] : NULL,
+            .seen = &locator->observations[i],
+            .depth = locator->depths[i].count ? &locator->depths[i] : NULL,
             .world_from_tag = tag->world_from_tag,
             .side_m = tag->side_m,
             .map_px = tag->rms_px / sqrt(2), // of a corner's x or y
@@ -50,33 +50,33 @@ void locator_pnp_tags(const struct locator *l, struct pnp_tag *tags)
     }
 }
 
-struct pose_problem locator_problem(const struct locator *l, struct pnp_tag *tags, const struct pnp_point *points,
+struct pose_problem locator_problem(const struct locator *locator, struct pnp_tag *tags, const struct pnp_point *points,
                                     int point_count)
 {
     return (struct pose_problem){.tags = tags,
-                                 .tag_count = tags ? l->observed_count : 0,
+                                 .tag_count = tags ? locator->observed_count : 0,
                                  .points = points,
                                  .point_count = point_count,
-                                 .fx = l->lens.fx,
-                                 .fy = l->lens.fy,
-                                 .motion = l->motion};
+                                 .fx = locator->lens.fx,
+                                 .fy = locator->lens.fy,
+                                 .motion = locator->motion};
 }
 
-int locator_select_inlier_tags(const struct locator *l, struct pnp_tag *tags, const struct shutter_motion *motion,
+int locator_select_inlier_tags(const struct locator *locator, struct pnp_tag *tags, const struct shutter_motion *motion,
                                const struct pose *camera_from_world)
 {
     int used = 0;
-    for (int i = 0; i < l->observed_count; i++) {
-        tags[i].rms_px = pnp_tag_rms(&tags[i], motion, camera_from_world, l->lens.fx, l->lens.fy);
-        tags[i].used = tags[i].rms_px <= l->options.max_rms_px;
+    for (int i = 0; i < locator->observed_count; i++) {
+        tags[i].rms_px = pnp_tag_rms(&tags[i], motion, camera_from_world, locator->lens.fx, locator->lens.fy);
+        tags[i].used = tags[i].rms_px <= locator->options.max_rms_px;
         used += tags[i].used;
     }
     return used;
 }
 
 // Where a tag must appear. False: not wholly in the image, from behind, too small.
-static bool predict_corners(const struct locator *l, const struct place_tag *tag, const struct pose *camera_from_world,
-                            struct pixel corner[4])
+static bool predict_corners(const struct locator *locator, const struct place_tag *tag,
+                            const struct pose *camera_from_world, struct pixel corner[4])
 {
     struct vec3 world[4];
     place_tag_corners(tag, world);
@@ -87,12 +87,12 @@ static bool predict_corners(const struct locator *l, const struct place_tag *tag
     for (int k = 0; k < 4; k++) {
         struct vec3 p = pose_apply(*camera_from_world, world[k]);
         // Far outside the image the distortion polynomial is not valid.
-        if (!(p.z > 0.05) || fabs(p.x / p.z) > l->lens.width / l->lens.fx ||
-            fabs(p.y / p.z) > l->lens.height / l->lens.fy)
+        if (!(p.z > 0.05) || fabs(p.x / p.z) > locator->lens.width / locator->lens.fx ||
+            fabs(p.y / p.z) > locator->lens.height / locator->lens.fy)
             return false;
-        corner[k] = shutter_project(&l->lens, l->motion, p);
-        if (!(corner[k].x >= 1 && corner[k].y >= 1 && corner[k].x <= l->lens.width - 2 &&
-              corner[k].y <= l->lens.height - 2))
+        corner[k] = shutter_project(&locator->lens, locator->motion, p);
+        if (!(corner[k].x >= 1 && corner[k].y >= 1 && corner[k].x <= locator->lens.width - 2 &&
+              corner[k].y <= locator->lens.height - 2))
             return false;
     }
     double shortest = 1e9;
@@ -101,49 +101,49 @@ static bool predict_corners(const struct locator *l, const struct place_tag *tag
     return shortest >= MIN_PREDICTED_PX;
 }
 
-int locator_detect_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                             const struct pose *camera_from_world, int most_pixels, int *missing)
+int locator_detect_predicted(struct locator *locator, const uint8_t *color, const uint16_t *depth,
+                             const struct pose *camera_from_world, int max_pixels, int *missing)
 {
-    int before = l->observed_count, predicted_count = 0;
-    for (int32_t k = 0; k < l->tag_count && l->observed_count < PNP_MAX_TAGS; k++) {
+    int before = locator->observed_count, predicted_count = 0;
+    for (int32_t k = 0; k < locator->tag_count && locator->observed_count < PNP_MAX_TAGS; k++) {
         bool seen = false;
-        for (int i = 0; i < l->observed_count; i++)
-            seen = seen || l->observed_tag[i] == k;
-        struct tag_candidate candidate = {.id = l->tags[k].id, .pattern = &l->patterns[k]};
+        for (int i = 0; i < locator->observed_count; i++)
+            seen = seen || locator->observed_tag[i] == k;
+        struct tag_candidate candidate = {.id = locator->tags[k].id, .pattern = &locator->patterns[k]};
         struct tag_observation fine;
-        if (seen || !predict_corners(l, &l->tags[k], camera_from_world, candidate.corner))
+        if (seen || !predict_corners(locator, &locator->tags[k], camera_from_world, candidate.corner))
             continue;
         predicted_count++;
-        if (tag_refine_sampled(l->refiner, color, &candidate, most_pixels, &fine) &&
+        if (tag_refine_sampled(locator->refiner, color, &candidate, max_pixels, &fine) &&
             fine.correlation > PREDICTED_MIN_CORRELATION)
-            locator_add_observation(l, &fine, k, depth);
+            locator_add_observation(locator, &fine, k, depth);
     }
     if (missing)
-        *missing = predicted_count - (l->observed_count - before);
-    return l->observed_count - before;
+        *missing = predicted_count - (locator->observed_count - before);
+    return locator->observed_count - before;
 }
 
-double locator_rms(const struct locator *l, const struct pnp_tag *tags, const struct pose *camera_from_world)
+double locator_rms(const struct locator *locator, const struct pnp_tag *tags, const struct pose *camera_from_world)
 {
     double sum = 0;
     int used = 0;
-    for (int i = 0; i < l->observed_count; i++) {
+    for (int i = 0; i < locator->observed_count; i++) {
         if (!tags[i].used)
             continue;
-        double rms = pnp_tag_rms(&tags[i], l->motion, camera_from_world, l->lens.fx, l->lens.fy);
+        double rms = pnp_tag_rms(&tags[i], locator->motion, camera_from_world, locator->lens.fx, locator->lens.fy);
         sum += rms * rms;
         used++;
     }
     return used ? sqrt(sum / used) : 0;
 }
 
-static enum status index_features(struct locator *l, enum status status, int count, const uint16_t *depth)
+static enum status index_features(struct locator *locator, enum status status, int count, const uint16_t *depth)
 {
     if (status != OK)
         return status;
-    feature_index_build(&l->index, l->features, count, &l->lens);
+    feature_index_build(&locator->index, locator->features, count, &locator->lens);
     for (int i = 0; i < count && depth; i++)
-        l->feature_depths[i] = feature_depth(&l->lens, depth, l->features[i].at);
+        locator->feature_depths[i] = feature_depth(&locator->lens, depth, locator->features[i].at);
     return OK;
 }
 
@@ -171,17 +171,17 @@ enum status locator_extract_region_features(struct locator *l, int region, const
     return index_features(l, status, count, depth);
 }
 
-bool locator_fill_result(const struct locator *l, const struct pnp_solution *found, int point_count,
+bool locator_fill_result(const struct locator *locator, const struct pnp_solution *found, int point_count,
                          const double covariance[36], const double noise[36], struct location *out)
 {
     double sigma_m = sqrt(covariance[21] + covariance[28] + covariance[35]);
-    if (!(sigma_m <= l->options.max_position_sigma_m))
+    if (!(sigma_m <= locator->options.max_position_sigma_m))
         return false;
     *out = (struct location){
         .world_from_camera = pose_inverse(found->camera_from_world),
         .rms_px = found->rms_px,
         .tags_used = found->used,
-        .tags_rejected = l->observed_count - found->used,
+        .tags_rejected = locator->observed_count - found->used,
         .points_used = point_count,
         .position_sigma_m = sigma_m,
         .other = pose_inverse(found->other),
@@ -207,36 +207,37 @@ static const double MAX_TAG_COST = 15;
 // With a less certain focal length, tags contradict each other because of it.
 static const double SURE_FOCAL_SIGMA = 0.01;
 
-bool locator_detect_rolling_shutter(struct locator *l, const struct pnp_tag *tags, const struct pnp_solution *found)
+bool locator_detect_rolling_shutter(struct locator *locator, const struct pnp_tag *tags,
+                                    const struct pnp_solution *found)
 {
     struct tag_observation seen[PNP_MAX_TAGS];
     struct pnp_tag retimed[PNP_MAX_TAGS];
     struct shutter_motion unknown = shutter_motion_unknown();
-    struct lens rolling = l->lens;
+    struct lens rolling = locator->lens;
     struct tag_refiner *refiner;
     struct pnp_solution fit;
-    if (l->motion || l->observed_count < MIN_TAGS || (found && found->used == l->observed_count) ||
-        l->lens.focal_sigma > SURE_FOCAL_SIGMA)
+    if (locator->motion || locator->observed_count < MIN_TAGS || (found && found->used == locator->observed_count) ||
+        locator->lens.focal_sigma > SURE_FOCAL_SIGMA)
         return false;
     rolling.readout_s = LIKELY_READOUT_S;
-    for (int i = 0; i < l->observed_count; i++) {
+    for (int i = 0; i < locator->observed_count; i++) {
         retimed[i] = tags[i];
         retimed[i].seen = &seen[i];
-        seen[i] = l->observations[i];
+        seen[i] = locator->observations[i];
         for (int k = 0; k < 4; k++)
             seen[i].time_s[k] = shutter_row_time(&rolling, lens_project(&rolling, seen[i].ray[k]).y);
     }
     const struct pose_problem problem = {
-        .tags = retimed, .tag_count = l->observed_count, .fx = rolling.fx, .fy = rolling.fy, .motion = &unknown};
-    if (pnp_solve(&problem, l->options.max_rms_px, &fit) == NOTHING || fit.used < l->observed_count ||
+        .tags = retimed, .tag_count = locator->observed_count, .fx = rolling.fx, .fy = rolling.fy, .motion = &unknown};
+    if (pnp_solve(&problem, locator->options.max_rms_px, &fit) == NOTHING || fit.used < locator->observed_count ||
         fit.cost > MAX_TAG_COST * fit.used || tag_refiner_open(&refiner, &rolling) != OK)
         return false;
-    tag_refiner_close(&l->refiner);
-    l->refiner = refiner;
-    l->lens = rolling;
-    l->motion = &l->frame_motion;
-    l->frame_motion = unknown;
-    memcpy(l->observations, seen, sizeof *seen * (size_t)l->observed_count);
+    tag_refiner_close(&locator->refiner);
+    locator->refiner = refiner;
+    locator->lens = rolling;
+    locator->motion = &locator->frame_motion;
+    locator->frame_motion = unknown;
+    memcpy(locator->observations, seen, sizeof *seen * (size_t)locator->observed_count);
     return true;
 }
 
@@ -252,39 +253,40 @@ static const double MIN_CHANGE = 0.001, MIN_SIGMAS = 2;
 enum { FOCAL_INTERVAL = 3 };
 
 // The estimate of log(focal length) less that of the lens in use.
-static double focal_correction(const struct locator *l, double *sigma)
+static double focal_correction(const struct locator *locator, double *sigma)
 {
-    *sigma = l->given_lens.focal_sigma;
-    return focal_estimate_posterior(&l->focal, log(l->given_lens.fx / l->lens.fx), sigma);
+    *sigma = locator->given_lens.focal_sigma;
+    return focal_estimate_posterior(&locator->focal, log(locator->given_lens.fx / locator->lens.fx), sigma);
 }
 
-void locator_update_lens(struct locator *l)
+void locator_update_lens(struct locator *locator)
 {
-    if (!(l->given_lens.focal_sigma > 0))
+    if (!(locator->given_lens.focal_sigma > 0))
         return;
-    const double by = focal_correction(l, &l->lens.focal_sigma), sigma = l->lens.focal_sigma;
+    const double by = focal_correction(locator, &locator->lens.focal_sigma), sigma = locator->lens.focal_sigma;
     if (!(fabs(by) > MIN_CHANGE && fabs(by) > MIN_SIGMAS * sigma))
         return;
-    struct lens better = l->lens;
+    struct lens better = locator->lens;
     struct tag_refiner *refiner;
     better.fx *= exp(by);
     better.fy *= exp(by);
     if (tag_refiner_open(&refiner, &better) != OK)
         return; // no memory: keep the old one
-    tag_refiner_close(&l->refiner);
-    l->refiner = refiner;
-    l->lens = better;
-    l->track_count = 0;
-    focal_estimate_shift(&l->focal, by);
-    focal_correction(l, &l->lens.focal_sigma);
+    tag_refiner_close(&locator->refiner);
+    locator->refiner = refiner;
+    locator->lens = better;
+    locator->track_count = 0;
+    focal_estimate_shift(&locator->focal, by);
+    focal_correction(locator, &locator->lens.focal_sigma);
 }
 
-void locator_observe_focal(struct locator *l, const struct pose_problem *problem, const struct pose *camera_from_world)
+void locator_observe_focal(struct locator *locator, const struct pose_problem *problem,
+                           const struct pose *camera_from_world)
 {
-    if (++l->frames_since_focal < FOCAL_INTERVAL)
+    if (++locator->frames_since_focal < FOCAL_INTERVAL)
         return;
-    l->frames_since_focal = 0;
-    focal_estimate_add(&l->focal, problem, camera_from_world);
+    locator->frames_since_focal = 0;
+    focal_estimate_add(&locator->focal, problem, camera_from_world);
 }
 
 // The mean distance of tag corners and points along z; 0 where there are none.
@@ -305,13 +307,13 @@ static double mean_distance(const struct pose_problem *problem, const struct pos
     return count ? sum / count : 0;
 }
 
-void locator_add_focal_variance(const struct locator *l, const struct pose_problem *problem,
+void locator_add_focal_variance(const struct locator *locator, const struct pose_problem *problem,
                                 const struct pose *camera_from_world, double covariance[36])
 {
-    if (!(l->given_lens.focal_sigma > 0))
+    if (!(locator->given_lens.focal_sigma > 0))
         return;
     // Twice the distance with twice the focal length gives the same image size: the translation along z.
-    const double off_m = l->lens.focal_sigma * mean_distance(problem, camera_from_world);
+    const double off_m = locator->lens.focal_sigma * mean_distance(problem, camera_from_world);
     covariance[35] += off_m * off_m;
 }
 
@@ -326,39 +328,39 @@ enum { MIN_OTHER_TAGS = 2, MIN_POINTS = 20 };
 // A smaller offset, as a share of the tag's side, may be due to occlusion, bending or noise. Chosen by hand.
 static const double MIN_MOVED_SHARE = 0.25;
 
-static bool has_moved(const struct locator *l, int i, const struct pose *camera_from_world)
+static bool has_moved(const struct locator *locator, int i, const struct pose *camera_from_world)
 {
-    const struct place_tag *tag = &l->tags[l->observed_tag[i]];
+    const struct place_tag *tag = &locator->tags[locator->observed_tag[i]];
     const struct pose expected = pose_multiply(*camera_from_world, tag->world_from_tag);
-    return planar_pose_offset_m(tag->side_m, l->observations[i].ray, &expected) > MIN_MOVED_SHARE * tag->side_m;
+    return planar_pose_offset_m(tag->side_m, locator->observations[i].ray, &expected) > MIN_MOVED_SHARE * tag->side_m;
 }
 
-void locator_vote_moved_tags(struct locator *l, const struct pnp_tag *tags, int points,
+void locator_vote_moved_tags(struct locator *locator, const struct pnp_tag *tags, int points,
                              const struct pose *camera_from_world)
 {
     int used = 0;
-    for (int i = 0; i < l->observed_count; i++)
+    for (int i = 0; i < locator->observed_count; i++)
         used += tags[i].used;
     if (used < MIN_OTHER_TAGS && points < MIN_POINTS)
         return;
-    for (int i = 0; i < l->observed_count; i++) {
-        int32_t *votes = &l->moved_votes[l->observed_tag[i]];
+    for (int i = 0; i < locator->observed_count; i++) {
+        int32_t *votes = &locator->moved_votes[locator->observed_tag[i]];
         if (tags[i].used)
             --*votes;
-        else if (has_moved(l, i, camera_from_world))
+        else if (has_moved(locator, i, camera_from_world))
             ++*votes;
     }
 }
 
-int32_t locator_moved_tags(const struct locator *l, int32_t *first)
+int32_t locator_moved_tags(const struct locator *locator, int32_t *first)
 {
     int32_t count = 0;
     *first = -1;
-    for (int32_t k = 0; k < l->tag_count; k++) {
-        if (l->moved_votes[k] <= 0)
+    for (int32_t k = 0; k < locator->tag_count; k++) {
+        if (locator->moved_votes[k] <= 0)
             continue;
-        if (!count++ || l->tags[k].id < *first)
-            *first = l->tags[k].id;
+        if (!count++ || locator->tags[k].id < *first)
+            *first = locator->tags[k].id;
     }
     return count;
 }
@@ -409,43 +411,44 @@ static enum status check_inputs(const struct place *place, const struct lens *le
     return OK;
 }
 
-static enum status init_locator(struct locator *l, const struct place *place)
+static enum status init_locator(struct locator *locator, const struct place *place)
 {
-    size_t pixels = (size_t)l->lens.width * (size_t)l->lens.height, n = (size_t)place->tag_count + 1;
-    l->gray = malloc(pixels);
-    l->tags = malloc(n * sizeof *l->tags);
-    l->patterns = malloc(n * sizeof *l->patterns);
-    l->tag_tracks = calloc(n, sizeof *l->tag_tracks);
-    l->moved_votes = calloc(n, sizeof *l->moved_votes);
-    if (!l->gray || !l->tags || !l->patterns || !l->tag_tracks || !l->moved_votes)
+    size_t pixels = (size_t)locator->lens.width * (size_t)locator->lens.height, n = (size_t)place->tag_count + 1;
+    locator->gray = malloc(pixels);
+    locator->tags = malloc(n * sizeof *locator->tags);
+    locator->patterns = malloc(n * sizeof *locator->patterns);
+    locator->tag_tracks = calloc(n, sizeof *locator->tag_tracks);
+    locator->moved_votes = calloc(n, sizeof *locator->moved_votes);
+    if (!locator->gray || !locator->tags || !locator->patterns || !locator->tag_tracks || !locator->moved_votes)
         return fail(ERR_MEMORY, "no memory to find a camera in the place");
     if (place->point_count > 0) {
         size_t points = (size_t)place->point_count;
-        l->points = malloc(points * sizeof *l->points);
-        l->region_points = malloc(points * sizeof *l->region_points);
-        l->region_of = malloc(points * sizeof *l->region_of);
-        l->points_by_region = malloc(points * sizeof *l->points_by_region);
-        l->missed_count = calloc(points, sizeof *l->missed_count);
-        if (!l->points || !l->region_points || !l->region_of || !l->points_by_region || !l->missed_count)
+        locator->points = malloc(points * sizeof *locator->points);
+        locator->region_points = malloc(points * sizeof *locator->region_points);
+        locator->region_of = malloc(points * sizeof *locator->region_of);
+        locator->points_by_region = malloc(points * sizeof *locator->points_by_region);
+        locator->missed_count = calloc(points, sizeof *locator->missed_count);
+        if (!locator->points || !locator->region_points || !locator->region_of || !locator->points_by_region ||
+            !locator->missed_count)
             return fail(ERR_MEMORY, "no memory to find a camera in the place");
-        memcpy(l->points, place->points, points * sizeof *l->points);
-        memset(l->missed_count, UNKNOWN_MISSED_COUNT, points);
-        l->point_count = place->point_count;
+        memcpy(locator->points, place->points, points * sizeof *locator->points);
+        memset(locator->missed_count, UNKNOWN_MISSED_COUNT, points);
+        locator->point_count = place->point_count;
     }
-    l->tag_count = place->tag_count;
-    if (l->tag_count)
-        memcpy(l->tags, place->tags, (n - 1) * sizeof *l->tags);
-    for (int32_t i = 0; i < l->tag_count; i++)
-        if (!tag_pattern(l->tags[i].id, &l->patterns[i]))
+    locator->tag_count = place->tag_count;
+    if (locator->tag_count)
+        memcpy(locator->tags, place->tags, (n - 1) * sizeof *locator->tags);
+    for (int32_t i = 0; i < locator->tag_count; i++)
+        if (!tag_pattern(locator->tags[i].id, &locator->patterns[i]))
             return fail(ERR_INPUT, "the place's tag %d is not of the family tag36h11, which ends at %d",
-                        (int)l->tags[i].id, TAG_ID_COUNT - 1);
-    enum status status = tag_refiner_open(&l->refiner, &l->lens);
+                        (int)locator->tags[i].id, TAG_ID_COUNT - 1);
+    enum status status = tag_refiner_open(&locator->refiner, &locator->lens);
     if (status == OK)
-        status = klt_pyramid_open(&l->pyramid, l->lens.width, l->lens.height);
+        status = klt_pyramid_open(&locator->pyramid, locator->lens.width, locator->lens.height);
     if (status == OK)
-        status = tag_detector_open(&l->detector, l->options.quad_decimate);
-    const double coarse = 2 * l->options.quad_decimate;
-    return status == OK && coarse <= TAG_MAX_DECIMATE ? tag_detector_open(&l->coarse_detector, coarse) : status;
+        status = tag_detector_open(&locator->detector, locator->options.quad_decimate);
+    const double coarse = 2 * locator->options.quad_decimate;
+    return status == OK && coarse <= TAG_MAX_DECIMATE ? tag_detector_open(&locator->coarse_detector, coarse) : status;
 }
 
 enum status locator_open(struct locator **out, const struct place *place, const struct lens *lens,
@@ -493,18 +496,18 @@ void locator_close(struct locator **out)
     *out = NULL;
 }
 
-void locator_set_motion_prior(struct locator *l, const double velocity[6], const double covariance[36])
+void locator_set_motion_prior(struct locator *locator, const double velocity[6], const double covariance[36])
 {
-    l->expected = shutter_motion_prior(velocity, covariance);
+    locator->expected = shutter_motion_prior(velocity, covariance);
 }
 
-const struct lens *locator_lens(const struct locator *l) { return &l->lens; }
+const struct lens *locator_lens(const struct locator *locator) { return &locator->lens; }
 
-int locator_seen_tags(const struct locator *l, int32_t *ids, int capacity)
+int locator_seen_tags(const struct locator *locator, int32_t *ids, int capacity)
 {
     int count = 0;
-    for (int i = 0; i < l->observed_count; i++) {
-        const int32_t id = l->tags[l->observed_tag[i]].id;
+    for (int i = 0; i < locator->observed_count; i++) {
+        const int32_t id = locator->tags[locator->observed_tag[i]].id;
         int at = 0;
         while (at < count && ids[at] < id)
             at++;
@@ -516,27 +519,29 @@ int locator_seen_tags(const struct locator *l, int32_t *ids, int capacity)
     return count;
 }
 
-double locator_depth_scale(const struct locator *l)
+double locator_depth_scale(const struct locator *locator)
 {
     double sum = 0, weights = 0;
-    for (int i = 0; i < l->observed_count; i++) {
-        const struct tag_depth *depth = &l->depths[i];
+    for (int i = 0; i < locator->observed_count; i++) {
+        const struct tag_depth *depth = &locator->depths[i];
         struct pose two[2];
-        const int n = depth->count ? planar_poses(l->tags[l->observed_tag[i]].side_m, l->observations[i].ray, two) : 0;
+        const int n = depth->count ? planar_poses(locator->tags[locator->observed_tag[i]].side_m,
+                                                  locator->observations[i].ray, two)
+                                   : 0;
         if (!n)
             continue;
         double measured = 0, z = two[0].translation.z;
         for (int32_t k = 0; k < depth->count; k++)
             measured += depth->sample[k].z / depth->count;
         z = n > 1 ? (z + two[1].translation.z) / 2 : z;
-        const double side = l->tags[l->observed_tag[i]].side_m / z;
+        const double side = locator->tags[locator->observed_tag[i]].side_m / z;
         sum += side * side * measured / z;
         weights += side * side;
     }
     return weights > 0 ? sum / weights : 0;
 }
 
-bool locator_focal_is_wrong(const struct locator *l, double *scale)
+bool locator_focal_is_wrong(const struct locator *locator, double *scale)
 {
-    return focal_estimate_is_wrong(&l->focal, scale);
+    return focal_estimate_is_wrong(&locator->focal, scale);
 }

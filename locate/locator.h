@@ -55,7 +55,7 @@ void locator_close(struct locator **l); // NULL is fine; sets *l = NULL
 // linear (m/s) in camera axes, and its covariance (6 x 6, row-major). For the next image only; without it the prior is
 // that of any hand-held camera. Poses are those of the middle row; their covariance includes what the velocity leaves
 // undetermined.
-void locator_set_motion_prior(struct locator *l, const double velocity[6], const double covariance[36]);
+void locator_set_motion_prior(struct locator *locator, const double velocity[6], const double covariance[36]);
 
 // From scratch. color: RGB of the lens's size. depth: millimetres, of the same pixels, or NULL.
 // OK         *out filled
@@ -79,20 +79,20 @@ MUST_CHECK enum status locator_relocalize(struct locator *l, const uint8_t *colo
 // The lens used for the last image. A focal length that is uncertain (lens.focal_sigma) is estimated from the images
 // (self-calibration); as long as it is uncertain, the pose's covariance includes that. A rolling shutter that is not in
 // the given lens but that the images show is in it, too, with a likely readout_s that was not measured.
-const struct lens *locator_lens(const struct locator *l);
+const struct lens *locator_lens(const struct locator *locator);
 
 // The numbers of the place's tags that the last image showed, each once, lowest first. Returns how many, at most
 // `capacity`.
-int locator_seen_tags(const struct locator *l, int32_t *ids, int capacity);
+int locator_seen_tags(const struct locator *locator, int32_t *ids, int capacity);
 
 // The measured depth of the last image's tags over the one that their size in the image says, weighted by that size;
 // 0: no tag with depth. A sensor whose depth is right has 1 but for some parts in a thousand.
-double locator_depth_scale(const struct locator *l);
+double locator_depth_scale(const struct locator *locator);
 
 // How many tags of the place are elsewhere now, judged by the images localised from scratch that show them beside other
 // tags or enough landmarks. *first: the lowest number; -1: none. Such tags are outliers of the pose.
-int32_t locator_moved_tags(const struct locator *l, int32_t *first);
+int32_t locator_moved_tags(const struct locator *locator, int32_t *first);
 
 // True: the images localised from scratch so far do not fit the lens's focal length. *scale: the one that fits, over
 // the lens's.
-bool locator_focal_is_wrong(const struct locator *l, double *scale);
+bool locator_focal_is_wrong(const struct locator *locator, double *scale);

@@ -91,30 +91,30 @@ struct locator {
 };
 
 // Begins an image: its grey copy, the lens, and the velocity's prior.
-void locator_begin_frame(struct locator *l, const uint8_t *color);
+void locator_begin_frame(struct locator *locator, const uint8_t *color);
 // Adds an observation of tag `which` of the place.
-void locator_add_observation(struct locator *l, const struct tag_observation *seen, int32_t which,
+void locator_add_observation(struct locator *locator, const struct tag_observation *seen, int32_t which,
                              const uint16_t *depth);
-// Observes tags that must be in view by the pose and are not among the observations. most_pixels: samples of each.
+// Observes tags that must be in view by the pose and are not among the observations. max_pixels: samples of each.
 // Returns how many were added. *missing: how many more must be in view but were not found; or NULL.
-int locator_detect_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                             const struct pose *camera_from_world, int most_pixels, int *missing);
+int locator_detect_predicted(struct locator *locator, const uint8_t *color, const uint16_t *depth,
+                             const struct pose *camera_from_world, int max_pixels, int *missing);
 // The image's features into the index; l->gray holds the image.
 MUST_CHECK enum status locator_extract_features(struct locator *l, const uint16_t *depth);
 // The same in one region, 0 .. LOCATOR_REGIONS - 1, and a little beyond.
 MUST_CHECK enum status locator_extract_region_features(struct locator *l, int region, const uint16_t *depth);
 // The observed tags as input of the pose solver.
-void locator_pnp_tags(const struct locator *l, struct pnp_tag *tags);
+void locator_pnp_tags(const struct locator *locator, struct pnp_tag *tags);
 // The pose problem of the observed tags and of points, either of which may be empty.
-struct pose_problem locator_problem(const struct locator *l, struct pnp_tag *tags, const struct pnp_point *points,
+struct pose_problem locator_problem(const struct locator *locator, struct pnp_tag *tags, const struct pnp_point *points,
                                     int point_count);
 // Which of the observed tags agree with the pose: sets used and rms_px. Returns how many.
-int locator_select_inlier_tags(const struct locator *l, struct pnp_tag *tags, const struct shutter_motion *motion,
+int locator_select_inlier_tags(const struct locator *locator, struct pnp_tag *tags, const struct shutter_motion *motion,
                                const struct pose *camera_from_world);
 // Root mean square reprojection error over the corners of the tags used.
-double locator_rms(const struct locator *l, const struct pnp_tag *tags, const struct pose *camera_from_world);
+double locator_rms(const struct locator *locator, const struct pnp_tag *tags, const struct pose *camera_from_world);
 // Fills *out. False: the pose is too uncertain.
-bool locator_fill_result(const struct locator *l, const struct pnp_solution *found, int point_count,
+bool locator_fill_result(const struct locator *locator, const struct pnp_solution *found, int point_count,
                          const double covariance[36], const double noise[36], struct location *out);
 
 // Whether a point (camera axes) is inside or near the image; far outside, the distortion polynomial is not valid.
@@ -125,42 +125,45 @@ static inline bool locator_in_image(const struct lens *lens, struct vec3 p)
 
 // Whether the tags of the current image fit no pose (`found` is the best; NULL: there is none) unless the rows of a
 // camera without a rolling shutter in its lens were read one after the other. If so, it has one from now on.
-bool locator_detect_rolling_shutter(struct locator *l, const struct pnp_tag *tags, const struct pnp_solution *found);
+bool locator_detect_rolling_shutter(struct locator *locator, const struct pnp_tag *tags,
+                                    const struct pnp_solution *found);
 
 // After an image localised from scratch: which of the observations are not where the place has their tags. points: how
 // many landmarks agree with the pose.
-void locator_vote_moved_tags(struct locator *l, const struct pnp_tag *tags, int points,
+void locator_vote_moved_tags(struct locator *locator, const struct pnp_tag *tags, int points,
                              const struct pose *camera_from_world);
 
 // Before an image: updates an uncertain focal length by the images so far. When it changes, all tracks are dropped.
-void locator_update_lens(struct locator *l);
+void locator_update_lens(struct locator *locator);
 // After a tracked image: now and then its problem is added to the estimate of an uncertain focal length.
-void locator_observe_focal(struct locator *l, const struct pose_problem *problem, const struct pose *camera_from_world);
+void locator_observe_focal(struct locator *locator, const struct pose_problem *problem,
+                           const struct pose *camera_from_world);
 // Adds the position's uncertainty due to an uncertain focal length to the pose's covariance.
-void locator_add_focal_variance(const struct locator *l, const struct pose_problem *problem,
+void locator_add_focal_variance(const struct locator *locator, const struct pose_problem *problem,
                                 const struct pose *camera_from_world, double covariance[36]);
 
 // Where a point is in camera axes at the time when its row is read.
-struct vec3 locator_point_in_camera(const struct locator *l, const struct pose *camera_from_world, struct vec3 world,
-                                    double time_s);
+struct vec3 locator_point_in_camera(const struct locator *locator, const struct pose *camera_from_world,
+                                    struct vec3 world, double time_s);
 // Starts a track of something seen at a pixel, if there is space and enough texture. point, seen: as in struct
 // point_track.
-void locator_add_track(struct locator *l, int32_t point, struct vec3 world, const double seen[3], struct pixel at,
+void locator_add_track(struct locator *locator, int32_t point, struct vec3 world, const double seen[3], struct pixel at,
                        const struct pose *camera_from_world);
 // Removes track i; the last one takes its index.
-void locator_drop_track(struct locator *l, int i);
+void locator_drop_track(struct locator *locator, int i);
 
-// Features matched to landmarks become tracks, as far as there is space and none is near. found: of l->matches.
-void locator_add_landmark_tracks(struct locator *l, int found, const struct pose *camera_from_world);
+// Features matched to landmarks become tracks, as far as there is space and none is near. found: of locator->matches.
+void locator_add_landmark_tracks(struct locator *locator, int found, const struct pose *camera_from_world);
 // Searches a small part of the image, where most is to be gained, for new landmarks.
 MUST_CHECK enum status locator_activate_landmarks(struct locator *l, const uint16_t *depth,
                                                   const struct pose *camera_from_world);
 
-// After localising from scratch: starts tracks of what the image showed. agree: of l->matches; covariance: of the pose.
-void locator_start_tracks(struct locator *l, const struct pnp_tag *tags, int agree,
+// After localising from scratch: starts tracks of what the image showed. agree: of locator->matches; covariance: of the
+// pose.
+void locator_start_tracks(struct locator *locator, const struct pnp_tag *tags, int agree,
                           const struct pose *camera_from_world, const double covariance[36]);
-// Finds the tracks in l->gray near where the pose puts them. False: too few are found.
-bool locator_track_patches(struct locator *l, const struct pose *camera_from_world);
+// Finds the tracks in locator->gray near where the pose puts them. False: too few are found.
+bool locator_track_patches(struct locator *locator, const struct pose *camera_from_world);
 // Then the pose from the tracks. As locator_track.
 MUST_CHECK enum status locator_solve_tracks(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                             struct pose camera_from_world, struct location *out);

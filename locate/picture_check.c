@@ -27,7 +27,10 @@ struct judged {
     double by, sigma, least;
 };
 
-static bool is_fault(const struct judged *j) { return fabs(j->by) > j->least && fabs(j->by) > SURE_SIGMA * j->sigma; }
+static bool is_fault(const struct judged *judged)
+{
+    return fabs(judged->by) > judged->least && fabs(judged->by) > SURE_SIGMA * judged->sigma;
+}
 
 void lens_judge(const struct ba_lens *fitted, const struct lens *given, struct lens_verdict *out)
 {
@@ -59,21 +62,22 @@ void lens_judge(const struct ba_lens *fitted, const struct lens *given, struct l
     out->gross = fabs(out->by) > (worst == LENS_CENTRE ? GROSS_CENTRE : GROSS);
 }
 
-const char *lens_verdict_text(const struct lens_verdict *v, char out[LENS_TEXT_BYTES])
+const char *lens_verdict_text(const struct lens_verdict *verdict, char out[LENS_TEXT_BYTES])
 {
     char by[64];
-    const double percent = 100 * fabs(v->by);
-    if (v->gross || !(v->sigma > 0)) // a fit from so far away falls short
+    const double percent = 100 * fabs(verdict->by);
+    if (verdict->gross || !(verdict->sigma > 0)) // a fit from so far away falls short
         snprintf(by, sizeof by, "at least %.0f %%", percent);
     else
-        snprintf(by, sizeof by, "%.1f %% (± %.1f %%)", percent, fmax(100 * v->sigma, 0.1));
-    switch (v->fault) {
+        snprintf(by, sizeof by, "%.1f %% (± %.1f %%)", percent, fmax(100 * verdict->sigma, 0.1));
+    switch (verdict->fault) {
     case LENS_FOCAL:
-        snprintf(out, LENS_TEXT_BYTES, "the calibrated focal length looks %s too %s", by, v->by > 0 ? "long" : "short");
+        snprintf(out, LENS_TEXT_BYTES, "the calibrated focal length looks %s too %s", by,
+                 verdict->by > 0 ? "long" : "short");
         break;
     case LENS_STRETCHED:
         snprintf(out, LENS_TEXT_BYTES, "the pictures look %s %s than the calibrated lens takes them", by,
-                 v->by < 0 ? "lower" : "higher");
+                 verdict->by < 0 ? "lower" : "higher");
         break;
     case LENS_CENTRE:
         snprintf(out, LENS_TEXT_BYTES, "the calibrated principal point looks off by %s of the picture's width", by);
@@ -91,10 +95,10 @@ const char *lens_verdict_text(const struct lens_verdict *v, char out[LENS_TEXT_B
 
 // All chosen by hand.
 enum {
-    MOST_SAMPLES = 16,
-    MOST_MATCHES = 300, // of one picture, those that differ by the fewest bits
-    ENOUGH = 20,        // landmarks that agree on one pose: chance gives three or four, see relocalization.c
-    LENS_IMAGES = 3,    // pictures, and landmarks in all of them, that a lens can be fitted to
+    MAX_SAMPLES = 16,
+    MAX_MATCHES = 300, // of one picture, those that differ by the fewest bits
+    ENOUGH = 20,       // landmarks that agree on one pose: chance gives three or four, see relocalization.c
+    LENS_IMAGES = 3,   // pictures, and landmarks in all of them, that a lens can be fitted to
     LENS_MATCHES = 90,
     FIT_ROUNDS = 4,
     FIT_ITERATIONS = 20,
@@ -111,8 +115,8 @@ static const double BLACK = 20, BAR_SHARE = 0.02, SATURATED = 250, MUCH = 0.3, D
 
 // Which landmarks one picture shows, whatever the lens.
 struct sample {
-    struct feature features[MOST_MATCHES];
-    struct landmark_match matches[MOST_MATCHES];
+    struct feature features[MAX_MATCHES];
+    struct landmark_match matches[MAX_MATCHES];
     int count;
     int mirrored;       // landmarks that agree in a mirror, or tags; 0: not looked for, or too few
     bool is_recognised; // as it is, by landmarks or tags
@@ -132,16 +136,16 @@ struct picture_check {
     struct landmark_match matches[FEATURES_MAX];
 };
 
-static enum status open_tags(struct picture_check *c)
+static enum status open_tags(struct picture_check *check)
 {
-    if (!c->place->tag_count)
+    if (!check->place->tag_count)
         return OK;
-    int32_t *ids = malloc((size_t)c->place->tag_count * sizeof *ids);
+    int32_t *ids = malloc((size_t)check->place->tag_count * sizeof *ids);
     if (!ids)
         return fail(ERR_MEMORY, "no memory to check the pictures");
-    for (int32_t i = 0; i < c->place->tag_count; i++)
-        ids[i] = c->place->tags[i].id;
-    const enum status status = mirrored_tags_open(&c->tags, &c->lens, ids, c->place->tag_count);
+    for (int32_t i = 0; i < check->place->tag_count; i++)
+        ids[i] = check->place->tags[i].id;
+    const enum status status = mirrored_tags_open(&check->tags, &check->lens, ids, check->place->tag_count);
     free(ids);
     return status;
 }
@@ -158,7 +162,7 @@ enum status picture_check_open(struct picture_check **out, const struct place *p
     c->gray = malloc(lens_pixels(lens));
     c->row_max = calloc((size_t)lens->height, 1);
     c->column_max = calloc((size_t)lens->width, 1);
-    c->samples = malloc(MOST_SAMPLES * sizeof *c->samples);
+    c->samples = malloc(MAX_SAMPLES * sizeof *c->samples);
     enum status status = c->gray && c->row_max && c->column_max && c->samples
                              ? open_tags(c)
                              : fail(ERR_MEMORY, "no memory to check the pictures");
@@ -183,85 +187,85 @@ void picture_check_close(struct picture_check **out)
 
 // ---------------------------------------------------------------- looking at a picture
 
-static struct match_query query_of(const struct picture_check *c, const struct lens *lens)
+static struct match_query query_of(const struct picture_check *check, const struct lens *lens)
 {
     return (struct match_query){
-        .points = c->place->points, .point_count = c->place->point_count, .index = &c->index, .lens = lens};
+        .points = check->place->points, .point_count = check->place->point_count, .index = &check->index, .lens = lens};
 }
 
-static void measure_light(struct picture_check *c, struct sample *s)
+static void measure_light(struct picture_check *check, struct sample *sample)
 {
-    const int width = c->lens.width, height = c->lens.height;
+    const int width = check->lens.width, height = check->lens.height;
     double sum = 0, saturated = 0;
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++) {
-            const uint8_t g = c->gray[(size_t)y * (size_t)width + (size_t)x];
+            const uint8_t g = check->gray[(size_t)y * (size_t)width + (size_t)x];
             sum += g;
             saturated += g >= SATURATED;
-            c->row_max[y] = g > c->row_max[y] ? g : c->row_max[y];
-            c->column_max[x] = g > c->column_max[x] ? g : c->column_max[x];
+            check->row_max[y] = g > check->row_max[y] ? g : check->row_max[y];
+            check->column_max[x] = g > check->column_max[x] ? g : check->column_max[x];
         }
-    s->mean = sum / (double)lens_pixels(&c->lens);
-    s->saturated_share = saturated / (double)lens_pixels(&c->lens);
+    sample->mean = sum / (double)lens_pixels(&check->lens);
+    sample->saturated_share = saturated / (double)lens_pixels(&check->lens);
 }
 
-// The landmarks that the grey picture shows, best first, into c->found and c->matches. *count: how many.
-static enum status recognise(struct picture_check *c, int *count)
+// The landmarks that the grey picture shows, best first, into check->found and check->matches. *count: how many.
+static enum status recognise_landmarks(struct picture_check *check, int *count)
 {
     int features = 0;
     const enum status status =
-        features_detect(c->gray, c->lens.width, c->lens.height, c->found, FEATURES_MAX, &features);
+        features_detect(check->gray, check->lens.width, check->lens.height, check->found, FEATURES_MAX, &features);
     *count = 0;
     if (status != OK)
         return status;
-    feature_index_build(&c->index, c->found, features, &c->lens);
-    const struct match_query query = query_of(c, &c->lens);
-    *count = relocalize_match(&query, c->matches, FEATURES_MAX);
+    feature_index_build(&check->index, check->found, features, &check->lens);
+    const struct match_query query = query_of(check, &check->lens);
+    *count = relocalize_match(&query, check->matches, FEATURES_MAX);
     return OK;
 }
 
 // How many landmarks agree on a pose with this lens; 0: too few.
-static int agreeing(const struct picture_check *c, const struct landmark_match *matches, int count,
-                    const struct lens *lens, struct pose *pose)
+static int count_agreeing(const struct picture_check *check, const struct landmark_match *matches, int count,
+                          const struct lens *lens, struct pose *pose)
 {
     int inliers = 0;
-    const struct match_query query = query_of(c, lens);
+    const struct match_query query = query_of(check, lens);
     return count >= ENOUGH && relocalize(&query, matches, count, NULL, pose, &inliers) && inliers >= ENOUGH ? inliers
                                                                                                             : 0;
 }
 
 // Every second sample is dropped when there are too many.
-static void thin_out(struct picture_check *c)
+static void thin_out(struct picture_check *check)
 {
-    if (c->sample_count < MOST_SAMPLES)
+    if (check->sample_count < MAX_SAMPLES)
         return;
     int kept = 0;
-    for (int i = 0; i < c->sample_count; i += 2)
-        c->samples[kept++] = c->samples[i];
-    c->sample_count = kept;
-    c->stride *= 2;
+    for (int i = 0; i < check->sample_count; i += 2)
+        check->samples[kept++] = check->samples[i];
+    check->sample_count = kept;
+    check->stride *= 2;
 }
 
 // The picture is not recognised by its landmarks: by its tags, or in a mirror by either?
-static enum status look_in_mirror(struct picture_check *c, struct sample *s)
+static enum status look_in_mirror(struct picture_check *check, struct sample *sample)
 {
-    struct lens other = c->lens;
+    struct lens other = check->lens;
     struct pose pose;
     int count, tags = 0;
-    enum status status = c->tags ? mirrored_tags_look_straight(c->tags, c->gray, &tags) : OK;
+    enum status status = check->tags ? mirrored_tags_look_straight(check->tags, check->gray, &tags) : OK;
     if (status != OK || tags) {
-        s->is_recognised = tags > 0;
+        sample->is_recognised = tags > 0;
         return status;
     }
-    if (c->tags)
-        status = mirrored_tags_look(c->tags, c->gray, &s->mirrored);
-    if (status != OK || s->mirrored)
+    if (check->tags)
+        status = mirrored_tags_look(check->tags, check->gray, &sample->mirrored);
+    if (status != OK || sample->mirrored)
         return status;
     other.cx = other.width - 1 - other.cx;
-    gray_mirror(c->gray, other.width, other.height);
-    status = recognise(c, &count);
+    gray_mirror(check->gray, other.width, other.height);
+    status = recognise_landmarks(check, &count);
     if (status == OK)
-        s->mirrored = agreeing(c, c->matches, count, &other, &pose);
+        sample->mirrored = count_agreeing(check, check->matches, count, &other, &pose);
     return status;
 }
 
@@ -276,11 +280,11 @@ enum status picture_check_add(struct picture_check *c, const uint8_t *color)
     memset(s, 0, sizeof *s);
     gray_from_rgb(color, lens_pixels(&c->lens), c->gray);
     measure_light(c, s);
-    enum status status = recognise(c, &count);
+    enum status status = recognise_landmarks(c, &count);
     if (status != OK)
         return status;
-    s->is_recognised = agreeing(c, c->matches, count, &c->lens, &pose) > 0;
-    s->count = count < MOST_MATCHES ? count : MOST_MATCHES;
+    s->is_recognised = count_agreeing(c, c->matches, count, &c->lens, &pose) > 0;
+    s->count = count < MAX_MATCHES ? count : MAX_MATCHES;
     for (int i = 0; i < s->count; i++) {
         s->features[i] = c->found[c->matches[i].feature];
         s->matches[i] = (struct landmark_match){c->matches[i].point, i};
@@ -294,102 +298,105 @@ enum status picture_check_add(struct picture_check *c, const uint8_t *color)
 // One lens and where the samples were taken with it.
 struct hypothesis {
     struct ba_lens lens;
-    struct pose pose[MOST_SAMPLES]; // camera_from_world
-    bool placed[MOST_SAMPLES];
+    struct pose pose[MAX_SAMPLES]; // camera_from_world
+    bool placed[MAX_SAMPLES];
     int agree, images; // landmarks that agree in all placed samples
 };
 
-static void use_sample(struct picture_check *c, const struct sample *s)
+static void use_sample(struct picture_check *check, const struct sample *sample)
 {
-    c->index.features = s->features;
-    c->index.count = s->count;
+    check->index.features = sample->features;
+    check->index.count = sample->count;
 }
 
-static void try_focal(struct picture_check *c, const struct lens *given, double times, struct hypothesis *h)
+static void try_focal(struct picture_check *check, const struct lens *given, double times,
+                      struct hypothesis *hypothesis)
 {
     struct lens lens = *given;
     lens.fx *= times;
     lens.fy *= times;
-    *h = (struct hypothesis){.lens = {.focal = {times, times}}};
-    for (int i = 0; i < c->sample_count; i++) {
-        use_sample(c, &c->samples[i]);
-        const int agree = agreeing(c, c->samples[i].matches, c->samples[i].count, &lens, &h->pose[i]);
-        h->placed[i] = agree > 0;
-        h->images += agree > 0;
-        h->agree += agree;
+    *hypothesis = (struct hypothesis){.lens = {.focal = {times, times}}};
+    for (int i = 0; i < check->sample_count; i++) {
+        use_sample(check, &check->samples[i]);
+        const int agree =
+            count_agreeing(check, check->samples[i].matches, check->samples[i].count, &lens, &hypothesis->pose[i]);
+        hypothesis->placed[i] = agree > 0;
+        hypothesis->images += agree > 0;
+        hypothesis->agree += agree;
     }
 }
 
 // The landmarks of all placed samples that agree with the hypothesis, as observations on the given lens's rays. Returns
 // how many.
-static int32_t select_observations(const struct picture_check *c, const struct lens *given, const struct hypothesis *h,
-                                   double most_px, struct ba_observation *out)
+static int32_t select_observations(const struct picture_check *check, const struct lens *given,
+                                   const struct hypothesis *hypothesis, double max_px, struct ba_observation *out)
 {
     int32_t count = 0;
-    for (int i = 0; i < c->sample_count; i++) {
-        const struct sample *s = &c->samples[i];
-        for (int k = 0; h->placed[i] && k < s->count; k++) {
-            const struct place_landmark *point = &c->place->points[s->matches[k].point];
-            const struct vec3 ray = lens_ray(given, s->features[k].at), p = pose_apply(h->pose[i], point->world);
+    for (int i = 0; i < check->sample_count; i++) {
+        const struct sample *s = &check->samples[i];
+        for (int k = 0; hypothesis->placed[i] && k < s->count; k++) {
+            const struct place_landmark *point = &check->place->points[s->matches[k].point];
+            const struct vec3 ray = lens_ray(given, s->features[k].at),
+                              p = pose_apply(hypothesis->pose[i], point->world);
             if (!(p.z > 0.05))
                 continue;
-            const double x = p.x / p.z, y = p.y / p.z, bent = 1 + h->lens.bend * (x * x + y * y);
-            const double off_x = given->fx * (h->lens.focal[0] * x * bent + h->lens.shift[0] - ray.x),
-                         off_y = given->fy * (h->lens.focal[1] * y * bent + h->lens.shift[1] - ray.y);
-            if (!(hypot(off_x, off_y) < most_px * (double)s->features[k].scale))
+            const double x = p.x / p.z, y = p.y / p.z, bent = 1 + hypothesis->lens.bend * (x * x + y * y);
+            const double off_x = given->fx * (hypothesis->lens.focal[0] * x * bent + hypothesis->lens.shift[0] - ray.x),
+                         off_y = given->fy * (hypothesis->lens.focal[1] * y * bent + hypothesis->lens.shift[1] - ray.y);
+            if (!(hypot(off_x, off_y) < max_px * (double)s->features[k].scale))
                 continue;
             struct ba_observation *seen = &out[count++];
             *seen = (struct ba_observation){i, s->matches[k].point, ray.x, ray.y, {0}, 0, 1};
-            landmark_covariance(point, &s->features[k], given, &h->pose[i], seen->covariance);
+            landmark_covariance(point, &s->features[k], given, &hypothesis->pose[i], seen->covariance);
         }
     }
     return count;
 }
 
 // Lens and poses by the landmarks that agree, which are chosen again by the better lens.
-static enum status fit_lens(const struct picture_check *c, const struct lens *given, struct hypothesis *h)
+static enum status fit_lens(const struct picture_check *check, const struct lens *given, struct hypothesis *hypothesis)
 {
-    struct ba_camera cameras[MOST_SAMPLES];
-    struct ba_observation *seen = malloc((size_t)MOST_SAMPLES * MOST_MATCHES * sizeof *seen);
-    struct vec3 *points = malloc(((size_t)c->place->point_count + 1) * sizeof *points);
+    struct ba_camera cameras[MAX_SAMPLES];
+    struct ba_observation *seen = malloc((size_t)MAX_SAMPLES * MAX_MATCHES * sizeof *seen);
+    struct vec3 *points = malloc(((size_t)check->place->point_count + 1) * sizeof *points);
     enum status status = seen && points ? OK : fail(ERR_MEMORY, "no memory to check the lens");
-    for (int32_t i = 0; i < c->place->point_count && status == OK; i++)
-        points[i] = c->place->points[i].world;
+    for (int32_t i = 0; i < check->place->point_count && status == OK; i++)
+        points[i] = check->place->points[i].world;
     for (int round = 0; round < FIT_ROUNDS && status == OK; round++) {
-        h->agree = select_observations(c, given, h, round ? AGREE_PX : FIRST_AGREE_PX, seen);
-        for (int i = 0; i < c->sample_count; i++)
-            cameras[i].camera_from_world = h->placed[i] ? h->pose[i] : POSE_IDENTITY;
+        hypothesis->agree = select_observations(check, given, hypothesis, round ? AGREE_PX : FIRST_AGREE_PX, seen);
+        for (int i = 0; i < check->sample_count; i++)
+            cameras[i].camera_from_world = hypothesis->placed[i] ? hypothesis->pose[i] : POSE_IDENTITY;
         const struct ba_problem problem = {.fx = given->fx,
                                            .fy = given->fy,
-                                           .lens = &h->lens,
+                                           .lens = &hypothesis->lens,
                                            .cameras = cameras,
                                            .points = points,
                                            .observations = seen,
-                                           .camera_count = c->sample_count,
-                                           .point_count = c->place->point_count,
-                                           .observation_count = h->agree,
+                                           .camera_count = check->sample_count,
+                                           .point_count = check->place->point_count,
+                                           .observation_count = hypothesis->agree,
                                            .held_camera = -1,
-                                           .held_points = c->place->point_count,
+                                           .held_points = check->place->point_count,
                                            .max_iterations = FIT_ITERATIONS};
         status = bundle_adjust(&problem);
-        for (int i = 0; i < c->sample_count && status == OK; i++)
-            h->pose[i] = cameras[i].camera_from_world;
+        for (int i = 0; i < check->sample_count && status == OK; i++)
+            hypothesis->pose[i] = cameras[i].camera_from_world;
     }
     if (status == OK)
-        h->agree = select_observations(c, given, h, AGREE_PX, seen);
+        hypothesis->agree = select_observations(check, given, hypothesis, AGREE_PX, seen);
     free(seen);
     free(points);
     return status;
 }
 
 // The lens of the ladder with which clearly most landmarks agree; the given one where none is better.
-static void find_focal(struct picture_check *c, const struct lens *given, struct hypothesis *best)
+static void find_focal(struct picture_check *check, const struct lens *given, struct hypothesis *best)
 {
     static const double LADDER[] = {0.82, 1.22, 0.67, 1.5, 0.55, 1.83, 0.45, 2.2};
     const int first = best->agree;
     for (size_t i = 0; i < COUNT_OF(LADDER); i++) {
         struct hypothesis other;
-        try_focal(c, given, LADDER[i], &other);
+        try_focal(check, given, LADDER[i], &other);
         if (other.agree > best->agree && other.agree > OTHER_LENS_GAIN * first)
             *best = other;
     }
@@ -397,58 +404,59 @@ static void find_focal(struct picture_check *c, const struct lens *given, struct
 
 enum { WALKED_IMAGES = 8 };
 
-static bool walked(const struct picture_check *c, const struct hypothesis *h)
+static bool has_walked(const struct picture_check *check, const struct hypothesis *hypothesis)
 {
     double farthest = 0;
     struct vec3 first = {0, 0, 0};
     bool any = false;
-    for (int i = 0; i < c->sample_count; i++) {
-        const struct vec3 at = pose_inverse(h->pose[i]).translation;
-        if (!h->placed[i])
+    for (int i = 0; i < check->sample_count; i++) {
+        const struct vec3 at = pose_inverse(hypothesis->pose[i]).translation;
+        if (!hypothesis->placed[i])
             continue;
         first = any ? first : at;
         any = true;
         farthest = fmax(farthest, v3_distance(at, first));
     }
-    return farthest > WALKED_M && h->images >= WALKED_IMAGES;
+    return farthest > WALKED_M && hypothesis->images >= WALKED_IMAGES;
 }
 
 // A landmark's error in the map is the same in all pictures that show it, so that it counts once; and the map's own.
-static enum status widen(const struct picture_check *c, const struct hypothesis *h, struct ba_lens *lens)
+static enum status widen_covariance(const struct picture_check *check, const struct hypothesis *hypothesis,
+                                    struct ba_lens *lens)
 {
-    const double common = walked(c, h) ? COMMON_ERROR : COMMON_ERROR_STANDING;
+    const double common = has_walked(check, hypothesis) ? COMMON_ERROR : COMMON_ERROR_STANDING;
     int distinct = 0;
-    bool *seen = calloc((size_t)c->place->point_count + 1, sizeof *seen);
+    bool *seen = calloc((size_t)check->place->point_count + 1, sizeof *seen);
     if (!seen)
         return fail(ERR_MEMORY, "no memory to check the lens");
-    for (int i = 0; i < c->sample_count; i++)
-        for (int k = 0; h->placed[i] && k < c->samples[i].count; k++)
-            seen[c->samples[i].matches[k].point] = true; // few more than agree
-    for (int32_t i = 0; i < c->place->point_count; i++)
+    for (int i = 0; i < check->sample_count; i++)
+        for (int k = 0; hypothesis->placed[i] && k < check->samples[i].count; k++)
+            seen[check->samples[i].matches[k].point] = true; // few more than agree
+    for (int32_t i = 0; i < check->place->point_count; i++)
         distinct += seen[i];
     free(seen);
     for (int i = 0; i < BA_LENS_NUMBERS * BA_LENS_NUMBERS; i++)
-        lens->covariance[i] *= fmax(1, (double)h->agree / fmax(1, distinct));
+        lens->covariance[i] *= fmax(1, (double)hypothesis->agree / fmax(1, distinct));
     for (int i = 0; i < BA_LENS_NUMBERS; i++)
         lens->covariance[i * (BA_LENS_NUMBERS + 1)] += common * common;
     return OK;
 }
 
-static enum status judge_lens(struct picture_check *c, const struct lens *given, struct picture_verdict *out)
+static enum status judge_lens(struct picture_check *check, const struct lens *given, struct picture_verdict *out)
 {
     struct hypothesis best;
     int all = 0;
-    try_focal(c, given, 1, &best);
-    for (int i = 0; i < c->sample_count; i++)
-        all += c->samples[i].count;
+    try_focal(check, given, 1, &best);
+    for (int i = 0; i < check->sample_count; i++)
+        all += check->samples[i].count;
     if (2 * best.agree < all)
-        find_focal(c, given, &best);
+        find_focal(check, given, &best);
     out->recognised = best.images;
     if (best.images < LENS_IMAGES || best.agree < LENS_MATCHES)
         return OK;
-    enum status status = fit_lens(c, given, &best);
+    enum status status = fit_lens(check, given, &best);
     if (status == OK)
-        status = widen(c, &best, &best.lens);
+        status = widen_covariance(check, &best, &best.lens);
     if (status != OK)
         return status == ERR_SOLVER ? OK : status;
     for (int i = 0; i < 4; i++) // of the two focal lengths, which an uncalibrated lens has wrong together
@@ -487,26 +495,26 @@ enum status picture_check_judge(struct picture_check *c, const struct lens *lens
     return c->place->point_count && !out->mirrored ? judge_lens(c, lens, out) : OK;
 }
 
-const char *picture_verdict_text(const struct picture_verdict *v, bool badly_placed, char out[PICTURE_TEXT_BYTES],
+const char *picture_verdict_text(const struct picture_verdict *verdict, bool badly_placed, char out[PICTURE_TEXT_BYTES],
                                  bool *useless)
 {
     char lens[LENS_TEXT_BYTES];
     *out = 0;
-    *useless = v->mirrored || (v->lens.fault != LENS_FITS && v->lens.gross);
-    if (v->mirrored)
+    *useless = verdict->mirrored || (verdict->lens.fault != LENS_FITS && verdict->lens.gross);
+    if (verdict->mirrored)
         snprintf(out, PICTURE_TEXT_BYTES, "the pictures are mirrored: switch the camera's mirror off");
-    else if (v->barred && v->lens.fault != LENS_FITS && v->lens.fault != LENS_BENT)
+    else if (verdict->barred && verdict->lens.fault != LENS_FITS && verdict->lens.fault != LENS_BENT)
         snprintf(out, PICTURE_TEXT_BYTES,
                  "the pictures have black bars, and their calibration is that of another picture (%s): film without "
                  "bars, or calibrate with them",
-                 lens_verdict_text(&v->lens, lens));
-    else if (v->lens.fault != LENS_FITS)
+                 lens_verdict_text(&verdict->lens, lens));
+    else if (verdict->lens.fault != LENS_FITS)
         snprintf(out, PICTURE_TEXT_BYTES,
                  "%s: calibrate the camera, or use the calibration.json that belongs to these pictures",
-                 lens_verdict_text(&v->lens, lens));
-    else if (badly_placed && v->overexposed)
+                 lens_verdict_text(&verdict->lens, lens));
+    else if (badly_placed && verdict->overexposed)
         snprintf(out, PICTURE_TEXT_BYTES, "the pictures are overexposed: film with a shorter exposure");
-    else if (badly_placed && v->dark)
+    else if (badly_placed && verdict->dark)
         snprintf(out, PICTURE_TEXT_BYTES, "the pictures are too dark: film with more light or a longer exposure");
     return out;
 }

@@ -72,5 +72,5 @@ MUST_CHECK enum status picture_check_judge(struct picture_check *c, const struct
 // The likeliest cause why pictures are placed wrongly or not at all, and what to do, in one sentence; "": none is
 // known. badly_placed: fewer pictures could be placed than should be. *useless: no pose is of use. Returns `out`.
 enum { PICTURE_TEXT_BYTES = 400 };
-const char *picture_verdict_text(const struct picture_verdict *v, bool badly_placed, char out[PICTURE_TEXT_BYTES],
+const char *picture_verdict_text(const struct picture_verdict *verdict, bool badly_placed, char out[PICTURE_TEXT_BYTES],
                                  bool *useless);

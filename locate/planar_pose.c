@@ -4,7 +4,7 @@
 #include "locate/pose_solver.h"
 
 // Twice the signed area of a, b, c on the plane z = 1.
-static double area2(struct vec3 a, struct vec3 b, struct vec3 c)
+static double twice_signed_area(struct vec3 a, struct vec3 b, struct vec3 c)
 {
     return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
@@ -20,7 +20,7 @@ bool planar_homography(const struct vec3 ray[4], double h[9])
     // No three corners in a line, none inside the triangle of the others. Seen from the front the corners run
     // counter-clockwise, so with y down the signed areas are negative.
     for (int i = 0; i < 4; i++)
-        if (!(area2(ray[i], ray[(i + 1) % 4], ray[(i + 2) % 4]) < -1e-4 * longest * longest))
+        if (!(twice_signed_area(ray[i], ray[(i + 1) % 4], ray[(i + 2) % 4]) < -1e-4 * longest * longest))
             return false;
     // Heckbert's closed form for the unit square (0,0), (1,0), (1,1), (0,1) ...
     struct vec3 p0 = ray[0], p1 = ray[1], p2 = ray[2], p3 = ray[3];
@@ -138,12 +138,12 @@ double planar_pose_offset_m(double side_m, const struct vec3 ray[4], const struc
     static const double RANGE_SHARE = 0.03;
     struct pose two[2];
     int count = planar_poses(side_m, ray, two);
-    double least = count ? INFINITY : 0;
+    double min = count ? INFINITY : 0;
     for (int i = 0; i < count; i++) {
         double off = v3_distance(two[i].translation, expected->translation);
-        least = fmin(least, off - RANGE_SHARE * v3_length(two[i].translation));
+        min = fmin(min, off - RANGE_SHARE * v3_length(two[i].translation));
     }
-    return fmax(least, 0);
+    return fmax(min, 0);
 }
 
 // ---------------------------------------------------------------- pose candidates
@@ -239,17 +239,18 @@ static bool are_distinct(const struct pose_candidate *a, const struct pose_candi
 }
 
 // Keeps the best pose and the best of those distinct from it.
-static void keep_best_two(const struct pose_candidate *c, struct pose_candidate *best, struct pose_candidate *second)
+static void keep_best_two(const struct pose_candidate *candidate, struct pose_candidate *best,
+                          struct pose_candidate *second)
 {
-    bool distinct = !best->used || are_distinct(c, best);
-    if (!best->used || is_better(c, best)) {
+    bool distinct = !best->used || are_distinct(candidate, best);
+    if (!best->used || is_better(candidate, best)) {
         if (best->used && distinct)
             *second = *best;
-        *best = *c;
+        *best = *candidate;
         if (second->used && !are_distinct(second, best))
             second->used = 0;
-    } else if (distinct && (!second->used || is_better(c, second))) {
-        *second = *c;
+    } else if (distinct && (!second->used || is_better(candidate, second))) {
+        *second = *candidate;
     }
 }
 

@@ -11,15 +11,15 @@ static const double ANGULAR_ACCELERATION_NOISE = 2, ACCELERATION_NOISE = 1;
 // Standard deviations of the velocity at the start, rad/s and m/s; chosen by hand.
 static const double START_ANGULAR_SIGMA = 2, START_SIGMA = 1;
 
-void pose_kalman_start(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36])
+void pose_kalman_start(struct pose_kalman *kalman, struct pose world_from_camera, const double covariance[36])
 {
-    memset(k, 0, sizeof *k);
-    k->world_from_camera = world_from_camera;
+    memset(kalman, 0, sizeof *kalman);
+    kalman->world_from_camera = world_from_camera;
     for (int i = 0; i < 6; i++) {
         double sigma = i < 3 ? START_ANGULAR_SIGMA : START_SIGMA;
         for (int j = 0; j < 6; j++)
-            k->covariance[i][j] = covariance[i * 6 + j];
-        k->covariance[6 + i][6 + i] = sigma * sigma;
+            kalman->covariance[i][j] = covariance[i * 6 + j];
+        kalman->covariance[6 + i][6 + i] = sigma * sigma;
     }
 }
 
@@ -29,11 +29,11 @@ static struct pose small_motion(const double d[6], double by)
     return p;
 }
 
-void pose_kalman_predict(struct pose_kalman *k, double seconds)
+void pose_kalman_predict(struct pose_kalman *kalman, double seconds)
 {
-    double(*p)[POSE_KALMAN_STATE] = k->covariance, t = seconds;
-    k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(k->velocity, t));
-    k->world_from_camera.rotation = quat_unit(k->world_from_camera.rotation);
+    double(*p)[POSE_KALMAN_STATE] = kalman->covariance, t = seconds;
+    kalman->world_from_camera = pose_multiply(kalman->world_from_camera, small_motion(kalman->velocity, t));
+    kalman->world_from_camera.rotation = quat_unit(kalman->world_from_camera.rotation);
     // F P F^T with F = [1 t; 0 1] in blocks of six
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < POSE_KALMAN_STATE; j++)
@@ -50,16 +50,16 @@ void pose_kalman_predict(struct pose_kalman *k, double seconds)
     }
 }
 
-double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36],
-                          double most)
+double pose_kalman_update(struct pose_kalman *kalman, struct pose world_from_camera, const double covariance[36],
+                          double max)
 {
-    struct pose off = pose_multiply(pose_inverse(k->world_from_camera), world_from_camera);
+    struct pose off = pose_multiply(pose_inverse(kalman->world_from_camera), world_from_camera);
     struct vec3 rotation = quat_to_rotation_vector(off.rotation);
     const double d[6] = {rotation.x, rotation.y, rotation.z, off.translation.x, off.translation.y, off.translation.z};
     double s[36], inverse[36], weighted[6], distance = 0;
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)
-            s[i * 6 + j] = k->covariance[i][j] + covariance[i * 6 + j];
+            s[i * 6 + j] = kalman->covariance[i][j] + covariance[i * 6 + j];
     if (!invert_symmetric(s, 6, inverse))
         return NAN;
     for (int i = 0; i < 6; i++) {
@@ -68,30 +68,31 @@ double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, 
             weighted[i] += inverse[i * 6 + j] * d[j];
         distance += weighted[i] * d[i];
     }
-    if (!(distance <= most))
+    if (!(distance <= max))
         return distance;
     double gain[POSE_KALMAN_STATE][6], by[POSE_KALMAN_STATE], before[6][POSE_KALMAN_STATE];
-    memcpy(before, k->covariance, sizeof before); // the first six rows
+    memcpy(before, kalman->covariance, sizeof before); // the first six rows
     for (int i = 0; i < POSE_KALMAN_STATE; i++) {
         by[i] = 0;
         for (int j = 0; j < 6; j++) {
             gain[i][j] = 0;
             for (int m = 0; m < 6; m++)
-                gain[i][j] += k->covariance[i][m] * inverse[m * 6 + j];
-            by[i] += k->covariance[i][j] * weighted[j];
+                gain[i][j] += kalman->covariance[i][m] * inverse[m * 6 + j];
+            by[i] += kalman->covariance[i][j] * weighted[j];
         }
     }
     for (int i = 0; i < POSE_KALMAN_STATE; i++)
         for (int j = 0; j < POSE_KALMAN_STATE; j++)
             for (int m = 0; m < 6; m++)
-                k->covariance[i][j] -= gain[i][m] * before[m][j];
+                kalman->covariance[i][j] -= gain[i][m] * before[m][j];
     for (int i = 0; i < POSE_KALMAN_STATE; i++)
         for (int j = 0; j < i; j++)
-            k->covariance[i][j] = k->covariance[j][i] = (k->covariance[i][j] + k->covariance[j][i]) / 2;
-    k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(by, 1));
-    k->world_from_camera.rotation = quat_unit(k->world_from_camera.rotation);
+            kalman->covariance[i][j] = kalman->covariance[j][i] =
+                (kalman->covariance[i][j] + kalman->covariance[j][i]) / 2;
+    kalman->world_from_camera = pose_multiply(kalman->world_from_camera, small_motion(by, 1));
+    kalman->world_from_camera.rotation = quat_unit(kalman->world_from_camera.rotation);
     for (int i = 0; i < 6; i++)
-        k->velocity[i] += by[6 + i];
+        kalman->velocity[i] += by[6 + i];
     return distance;
 }
 
@@ -99,7 +100,7 @@ double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, 
 
 static const double CORRECTION_SHARE = 0.3; // share of a correction that is made with each image; chosen by hand
 
-static void multiply(const double a[36], const double b[36], double out[36])
+static void multiply_matrices(const double a[36], const double b[36], double out[36])
 {
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) {
@@ -110,35 +111,35 @@ static void multiply(const double a[36], const double b[36], double out[36])
 }
 
 // out = f m f^T
-static void propagate(const double f[36], const double m[36], double out[36])
+static void propagate_covariance(const double f[36], const double m[36], double out[36])
 {
     double half[36], transposed[36];
-    multiply(f, m, half);
+    multiply_matrices(f, m, half);
     for (int i = 0; i < 36; i++)
         transposed[i] = f[i % 6 * 6 + i / 6];
-    multiply(half, transposed, out);
+    multiply_matrices(half, transposed, out);
 }
 
-void pose_fusion_start(struct pose_fusion *a, const double map_covariance[36], const double noise[36])
+void pose_fusion_start(struct pose_fusion *fusion, const double map_covariance[36], const double noise[36])
 {
-    memset(a, 0, sizeof *a);
-    memcpy(a->map_covariance, map_covariance, sizeof a->map_covariance);
+    memset(fusion, 0, sizeof *fusion);
+    memcpy(fusion->map_covariance, map_covariance, sizeof fusion->map_covariance);
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) {
             double map = map_covariance[i * 6 + j];
-            a->covariance[i][j] = map + noise[i * 6 + j];
-            a->covariance[i][6 + j] = a->covariance[6 + i][j] = -map; // offset = c + m = 0 at the start
-            a->covariance[6 + i][6 + j] = map;
+            fusion->covariance[i][j] = map + noise[i * 6 + j];
+            fusion->covariance[i][6 + j] = fusion->covariance[6 + i][j] = -map; // offset = c + m = 0 at the start
+            fusion->covariance[6 + i][6 + j] = map;
         }
 }
 
 // The map error's transition A (`keep`) and process noise (`fresh`). all: A = 0, the whole error is new.
-static void map_error_transition(const struct pose_fusion *a, const struct pose_measurement *measurement, bool all,
+static void map_error_transition(const struct pose_fusion *fusion, const struct pose_measurement *measurement, bool all,
                                  double keep[36], double fresh[36])
 {
     double kept[36], lower[36];
-    multiply(measurement->map_covariance, measurement->map_information, keep);
-    propagate(keep, a->map_covariance, kept);
+    multiply_matrices(measurement->map_covariance, measurement->map_information, keep);
+    propagate_covariance(keep, fusion->map_covariance, kept);
     for (int i = 0; i < 36; i++)
         lower[i] = fresh[i] = measurement->map_covariance[i] - kept[i];
     for (int i = 0; i < 6; i++)
@@ -151,40 +152,40 @@ static void map_error_transition(const struct pose_fusion *a, const struct pose_
     memcpy(fresh, measurement->map_covariance, 36 * sizeof *fresh);
 }
 
-static void predict(struct pose_fusion *a, const struct pose_measurement *measurement, bool reset_map_error)
+static void predict_state(struct pose_fusion *fusion, const struct pose_measurement *measurement, bool reset_map_error)
 {
     double keep[36], fresh[36], own[36], propagated[36], error[6];
-    map_error_transition(a, measurement, reset_map_error, keep, fresh);
+    map_error_transition(fusion, measurement, reset_map_error, keep, fresh);
     for (int i = 0; i < 36; i++)
-        own[i] = a->covariance[6 + i / 6][6 + i % 6];
-    propagate(keep, own, propagated);
+        own[i] = fusion->covariance[6 + i / 6][6 + i % 6];
+    propagate_covariance(keep, own, propagated);
     for (int i = 0; i < 6; i++) {
         error[i] = 0;
         for (int j = 0; j < 6; j++) {
             own[i * 6 + j] = 0;
             for (int k = 0; k < 6; k++)
-                own[i * 6 + j] += a->covariance[i][6 + k] * keep[j * 6 + k];
-            error[i] += keep[i * 6 + j] * a->map_error[j];
+                own[i * 6 + j] += fusion->covariance[i][6 + k] * keep[j * 6 + k];
+            error[i] += keep[i * 6 + j] * fusion->map_error[j];
         }
     }
-    memcpy(a->map_error, error, sizeof error);
-    memcpy(a->map_covariance, measurement->map_covariance, sizeof a->map_covariance);
+    memcpy(fusion->map_error, error, sizeof error);
+    memcpy(fusion->map_covariance, measurement->map_covariance, sizeof fusion->map_covariance);
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) {
-            a->covariance[i][j] += measurement->drift[i * 6 + j];
-            a->covariance[i][6 + j] = a->covariance[6 + j][i] = own[i * 6 + j];
-            a->covariance[6 + i][6 + j] = propagated[i * 6 + j] + fresh[i * 6 + j];
+            fusion->covariance[i][j] += measurement->drift[i * 6 + j];
+            fusion->covariance[i][6 + j] = fusion->covariance[6 + j][i] = own[i * 6 + j];
+            fusion->covariance[6 + i][6 + j] = propagated[i * 6 + j] + fresh[i * 6 + j];
         }
 }
 
 // both: cross-covariance of the state and the innovation; inverse: of the innovation's covariance. False: singular.
-static bool innovation_covariance(const struct pose_fusion *a, const struct pose_measurement *measurement,
+static bool innovation_covariance(const struct pose_fusion *fusion, const struct pose_measurement *measurement,
                                   double both[12][6], double inverse[36])
 {
     double s[36];
     for (int i = 0; i < 12; i++)
         for (int j = 0; j < 6; j++)
-            both[i][j] = a->covariance[i][j] + a->covariance[i][6 + j];
+            both[i][j] = fusion->covariance[i][j] + fusion->covariance[i][6 + j];
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)
             s[i * 6 + j] = both[i][j] + both[6 + i][j] + measurement->noise[i * 6 + j];
@@ -195,11 +196,11 @@ bool pose_fusion_update(struct pose_fusion *out, const struct pose_measurement *
 {
     struct pose_fusion next = *out, *a = &next;
     double both[12][6], inverse[36], gain[12][6], innovation[6];
-    predict(a, measurement, false);
+    predict_state(a, measurement, false);
     if (!innovation_covariance(a, measurement, both, inverse)) {
         // The noise is far smaller than the map's error, and the mismatch of two linearisations exceeds it.
         next = *out;
-        predict(a, measurement, true);
+        predict_state(a, measurement, true);
         if (!innovation_covariance(a, measurement, both, inverse))
             return false;
     }
@@ -232,9 +233,9 @@ bool pose_fusion_update(struct pose_fusion *out, const struct pose_measurement *
     return true;
 }
 
-void pose_fusion_covariance(const struct pose_fusion *a, double covariance[36])
+void pose_fusion_covariance(const struct pose_fusion *fusion, double covariance[36])
 {
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)
-            covariance[i * 6 + j] = a->covariance[i][j] + a->camera_error[i] * a->camera_error[j];
+            covariance[i * 6 + j] = fusion->covariance[i][j] + fusion->camera_error[i] * fusion->camera_error[j];
 }

@@ -35,15 +35,15 @@ struct pose_kalman {
 };
 
 // Starts at a pose, at rest as far as known. covariance: 6 x 6 as in locate/locator.h, row-major.
-void pose_kalman_start(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36]);
+void pose_kalman_start(struct pose_kalman *kalman, struct pose world_from_camera, const double covariance[36]);
 
 // Predicts `seconds` > 0 ahead.
-void pose_kalman_predict(struct pose_kalman *k, double seconds);
+void pose_kalman_predict(struct pose_kalman *kalman, double seconds);
 
 // Updates by an independently measured pose. Returns its squared Mahalanobis distance from the prediction (six degrees
-// of freedom: 6 in the mean); above `most` (or NaN) nothing changes.
-double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36],
-                          double most);
+// of freedom: 6 in the mean); above `max` (or NaN) nothing changes.
+double pose_kalman_update(struct pose_kalman *kalman, struct pose world_from_camera, const double covariance[36],
+                          double max);
 
 // ---------------------------------------------------------------- pose fusion
 
@@ -64,11 +64,11 @@ struct pose_measurement {
 };
 
 // Starts with the tracked pose at the map's pose.
-void pose_fusion_start(struct pose_fusion *a, const double map_covariance[36], const double noise[36]);
+void pose_fusion_start(struct pose_fusion *fusion, const double map_covariance[36], const double noise[36]);
 
 // by: the motion by which the caller must now correct the tracked pose. A correction is spread over several images, so
 // that no jump is visible. False: the covariances are not positive definite (or not finite); nothing changed.
 bool pose_fusion_update(struct pose_fusion *a, const struct pose_measurement *measurement, double by[6]);
 
 // The covariance of the corrected pose about the truth, including the expected error that is left.
-void pose_fusion_covariance(const struct pose_fusion *a, double covariance[36]);
+void pose_fusion_covariance(const struct pose_fusion *fusion, double covariance[36]);

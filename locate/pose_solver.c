@@ -37,12 +37,12 @@ struct corner_information {
 static const double BEHIND_TAG_COST = 1e6, BEHIND_POINT_COST = 100;
 
 // Adds a whitened residual e with derivative `by`; weight: the slope of the kernel.
-static void add_residual(struct pnp_equations *n, double e, const double by[POSE_VELOCITY_DOF], double weight)
+static void add_residual(struct pnp_equations *equations, double e, const double by[POSE_VELOCITY_DOF], double weight)
 {
-    for (int i = 0; i < n->size; i++) {
-        n->g[i] -= weight * by[i] * e;
+    for (int i = 0; i < equations->size; i++) {
+        equations->g[i] -= weight * by[i] * e;
         for (int j = 0; j <= i; j++)
-            n->a[i * n->size + j] += weight * by[i] * by[j];
+            equations->a[i * equations->size + j] += weight * by[i] * by[j];
     }
 }
 
@@ -82,7 +82,7 @@ static bool corner_errors(const struct pnp_tag *tag, const struct pnp_projection
 
 // Depth samples inside one tag against the tag's plane. The row timing of the depth sensor, another camera, is not
 // known, so its derivative by the velocity is 0.
-static double add_depth(struct pnp_equations *n, const struct pnp_tag *tag, const struct pose *camera_from_tag)
+static double add_depth(struct pnp_equations *equations, const struct pnp_tag *tag, const struct pose *camera_from_tag)
 {
     double cost = 0;
     struct vec3 normal = quat_rotate(camera_from_tag->rotation, v3(0, 0, 1));
@@ -98,7 +98,7 @@ static double add_depth(struct pnp_equations *n, const struct pnp_tag *tag, cons
         double by[POSE_VELOCITY_DOF] = {rotation.x / sigma,    rotation.y / sigma,    rotation.z / sigma,
                                         translation.x / sigma, translation.y / sigma, translation.z / sigma};
         double ratio = 1 + e * e / (CAUCHY_SCALE * CAUCHY_SCALE);
-        add_residual(n, e, by, tag->depth->share / ratio);
+        add_residual(equations, e, by, tag->depth->share / ratio);
         cost += tag->depth->share * CAUCHY_SCALE * CAUCHY_SCALE * log(ratio);
     }
     return cost;
@@ -157,8 +157,8 @@ static void pnp_corner_information(const struct pnp_tag *tag, double extra_px, c
         out[i * 8 + i] = 1 / (variance + 0.25);
 }
 
-// Each adds one tag or point to *n and returns its robust cost. What is not visible adds a large constant cost.
-static double pnp_add_tag(struct pnp_equations *n, const struct pnp_tag *tag,
+// Each adds one tag or point to *equations and returns its robust cost. What is not visible adds a large constant cost.
+static double pnp_add_tag(struct pnp_equations *equations, const struct pnp_tag *tag,
                           const struct corner_information *information, const struct pnp_projection *projection,
                           const struct pose *camera_from_world, bool with_depth)
 {
@@ -173,23 +173,23 @@ static double pnp_add_tag(struct pnp_equations *n, const struct pnp_tag *tag,
         chi2 += weighted[i] * e[i];
     }
     double bound = 8 * CAUCHY_SCALE * CAUCHY_SCALE, slope = 1 / (1 + chi2 / bound);
-    for (int a = 0; a < n->size; a++) {
+    for (int a = 0; a < equations->size; a++) {
         double half[8]; // information * column a
         for (int i = 0; i < 8; i++) {
             half[i] = 0;
             for (int j = 0; j < 8; j++)
                 half[i] += information->a[i * 8 + j] * by[j][a];
-            n->g[a] -= slope * half[i] * e[i];
+            equations->g[a] -= slope * half[i] * e[i];
         }
         for (int b = 0; b <= a; b++)
             for (int i = 0; i < 8; i++)
-                n->a[a * n->size + b] += slope * half[i] * by[i][b];
+                equations->a[a * equations->size + b] += slope * half[i] * by[i][b];
     }
     double cost = bound * log(1 + chi2 / bound);
-    return tag->depth && with_depth ? cost + add_depth(n, tag, &camera_from_tag) : cost;
+    return tag->depth && with_depth ? cost + add_depth(equations, tag, &camera_from_tag) : cost;
 }
 
-static double pnp_add_point(struct pnp_equations *n, const struct pnp_point *point, double extra_px,
+static double pnp_add_point(struct pnp_equations *equations, const struct pnp_point *point, double extra_px,
                             const struct pnp_projection *projection, const struct pose *camera_from_world)
 {
     const double fx = projection->fx, fy = projection->fy;
@@ -220,11 +220,11 @@ static double pnp_add_point(struct pnp_equations *n, const struct pnp_point *poi
         chi2 += ez * ez;
     }
     double slope = 1 / (1 + chi2 / bound);
-    add_residual(n, ex, row0, slope);
-    add_residual(n, ey, row1, slope);
+    add_residual(equations, ex, row0, slope);
+    add_residual(equations, ey, row1, slope);
     if (point->z > 0) {
         const double row2[POSE_VELOCITY_DOF] = {p.y * depth, -p.x * depth, 0, 0, 0, depth};
-        add_residual(n, ez, row2, slope);
+        add_residual(equations, ez, row2, slope);
     }
     return bound * log(1 + chi2 / bound);
 }
@@ -275,14 +275,14 @@ struct linear_system {
 };
 
 // The prior of the velocity.
-static void add_velocity_prior(struct pnp_equations *n, const struct shutter_motion *m)
+static void add_velocity_prior(struct pnp_equations *equations, const struct shutter_motion *motion)
 {
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) {
-            double off_i = m->velocity[i] - m->expected[i], off_j = m->velocity[j] - m->expected[j];
-            n->cost += off_i * m->information[i * 6 + j] * off_j;
-            n->g[POSE_DOF + i] -= m->information[i * 6 + j] * off_j;
-            n->a[(POSE_DOF + i) * n->size + POSE_DOF + j] += m->information[i * 6 + j];
+            double off_i = motion->velocity[i] - motion->expected[i], off_j = motion->velocity[j] - motion->expected[j];
+            equations->cost += off_i * motion->information[i * 6 + j] * off_j;
+            equations->g[POSE_DOF + i] -= motion->information[i * 6 + j] * off_j;
+            equations->a[(POSE_DOF + i) * equations->size + POSE_DOF + j] += motion->information[i * 6 + j];
         }
 }
 
@@ -298,30 +298,31 @@ static void init_system(const struct pose_problem *problem, const struct pose *c
 }
 
 static void build_normal_equations(const struct linear_system *all, const struct pose *camera_from_world,
-                                   struct pnp_equations *n)
+                                   struct pnp_equations *equations)
 {
     const struct pose_problem *problem = all->problem;
     const struct shutter_motion *motion = all->projection.motion;
     // Beside corners of little weight, depth would bend the pose at will.
     const bool with_depth = problem->tag_px == 0;
-    memset(n, 0, sizeof *n);
-    n->size = motion ? POSE_VELOCITY_DOF : POSE_DOF;
+    memset(equations, 0, sizeof *equations);
+    equations->size = motion ? POSE_VELOCITY_DOF : POSE_DOF;
     if (motion)
-        add_velocity_prior(n, motion);
+        add_velocity_prior(equations, motion);
     for (int i = 0; i < problem->tag_count; i++)
         if (problem->tags[i].used)
-            n->cost += pnp_add_tag(n, &problem->tags[i], &all->information[i], &all->projection, camera_from_world,
-                                   with_depth);
+            equations->cost += pnp_add_tag(equations, &problem->tags[i], &all->information[i], &all->projection,
+                                           camera_from_world, with_depth);
     for (int i = 0; i < problem->point_count; i++)
-        n->cost += pnp_add_point(n, &problem->points[i], problem->point_px, &all->projection, camera_from_world);
+        equations->cost +=
+            pnp_add_point(equations, &problem->points[i], problem->point_px, &all->projection, camera_from_world);
 }
 
-static void apply_step(struct pose *p, struct shutter_motion *motion, const double d[POSE_VELOCITY_DOF])
+static void apply_step(struct pose *pose, struct shutter_motion *motion, const double d[POSE_VELOCITY_DOF])
 {
     for (int i = 0; i < 6 && motion; i++)
         motion->velocity[i] += d[POSE_DOF + i];
     struct pose small = {quat_from_rotation_vector(v3(d[0], d[1], d[2])), {d[3], d[4], d[5]}};
-    *p = pose_multiply(small, *p);
+    *pose = pose_multiply(small, *pose);
 }
 
 double pnp_refine(const struct pose_problem *problem, struct pose *pose)
@@ -370,24 +371,24 @@ double pnp_refine(const struct pose_problem *problem, struct pose *pose)
 
 // The normal equations at the solution, both triangles.
 static void final_normal_equations(const struct pose_problem *problem, const struct pose *camera_from_world,
-                                   struct pnp_equations *n)
+                                   struct pnp_equations *equations)
 {
     struct pose_problem exact = *problem;
     struct linear_system all;
     exact.tag_px = exact.point_px = 0;
     init_system(&exact, camera_from_world, &all);
-    build_normal_equations(&all, camera_from_world, n);
-    for (int i = 0; i < n->size; i++)
+    build_normal_equations(&all, camera_from_world, equations);
+    for (int i = 0; i < equations->size; i++)
         for (int j = 0; j < i; j++)
-            n->a[j * n->size + i] = n->a[i * n->size + j];
+            equations->a[j * equations->size + i] = equations->a[i * equations->size + j];
 }
 
 // Of the pose, the velocity marginalised: its prior always leaves it finite.
-static void pose_information(const struct pnp_equations *n, double out[36])
+static void pose_information(const struct pnp_equations *equations, double out[36])
 {
-    if (n->size == POSE_DOF)
-        memcpy(out, n->a, 36 * sizeof *out);
-    else if (!marginal_information(n->a, 6, false, out))
+    if (equations->size == POSE_DOF)
+        memcpy(out, equations->a, 36 * sizeof *out);
+    else if (!marginal_information(equations->a, 6, false, out))
         memset(out, 0, 36 * sizeof *out);
 }
 

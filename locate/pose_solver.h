@@ -11,11 +11,11 @@
 //
 // Pure; no allocation, but large arrays on the stack (about 40 KiB). Safe from any thread.
 #pragma once
-#include "recording/place.h"
 #include "locate/planar_pose.h"
 #include "locate/rolling_shutter.h"
 #include "locate/tag_corners.h"
 #include "locate/tag_model.h"
+#include "recording/place.h"
 
 enum { PNP_MAX_TAGS = 64 };
 

@@ -15,7 +15,7 @@ static const double MISS_CHANCE = 1e-3; // chance of never having drawn three co
 
 // ---------------------------------------------------------------- three points
 
-static double polynomial(const double *c, int degree, double x)
+static double evaluate_polynomial(const double *c, int degree, double x)
 {
     double y = c[degree];
     for (int i = degree - 1; i >= 0; i--)
@@ -24,7 +24,7 @@ static double polynomial(const double *c, int degree, double x)
 }
 
 // The real roots in [low, high], ascending: between those of the derivative, by bisection.
-static int roots(const double *c, int degree, double low, double high, double *out)
+static int find_real_roots(const double *c, int degree, double low, double high, double *out)
 {
     double slope[4], extrema[6];
     int intervals = 0, count = 0;
@@ -33,14 +33,15 @@ static int roots(const double *c, int degree, double low, double high, double *o
     for (int i = 0; i < degree; i++)
         slope[i] = (i + 1) * c[i + 1];
     extrema[0] = low;
-    intervals = 1 + roots(slope, degree - 1, low, high, extrema + 1);
+    intervals = 1 + find_real_roots(slope, degree - 1, low, high, extrema + 1);
     extrema[intervals] = high;
     for (int i = 0; i < intervals; i++) {
-        double a = extrema[i], b = extrema[i + 1], at_a = polynomial(c, degree, a), at_b = polynomial(c, degree, b);
+        double a = extrema[i], b = extrema[i + 1], at_a = evaluate_polynomial(c, degree, a),
+               at_b = evaluate_polynomial(c, degree, b);
         if (!(at_a * at_b <= 0) || a == b)
             continue;
         for (int k = 0; k < 50; k++) {
-            double middle = (a + b) / 2, at = polynomial(c, degree, middle);
+            double middle = (a + b) / 2, at = evaluate_polynomial(c, degree, middle);
             if ((at < 0) == (at_a < 0))
                 a = middle;
             else
@@ -52,7 +53,7 @@ static int roots(const double *c, int degree, double low, double high, double *o
 }
 
 // The orthonormal axes that three points span, in columns. False: they lie in a line.
-static bool axes(const struct vec3 p[3], double m[3][3])
+static bool triangle_axes(const struct vec3 p[3], double m[3][3])
 {
     struct vec3 x = v3_unit(v3_sub(p[1], p[0])), z = v3_cross(x, v3_sub(p[2], p[0]));
     if (!(v3_length(z) > 1e-6))
@@ -65,10 +66,10 @@ static bool axes(const struct vec3 p[3], double m[3][3])
 }
 
 // The rigid motion that takes three points to three others, from the axes that they span.
-static bool superpose(const struct vec3 world[3], const struct vec3 camera[3], struct pose *camera_from_world)
+static bool superpose_points(const struct vec3 world[3], const struct vec3 camera[3], struct pose *camera_from_world)
 {
     double a[3][3], b[3][3], rotation[3][3];
-    if (!axes(world, a) || !axes(camera, b))
+    if (!triangle_axes(world, a) || !triangle_axes(camera, b))
         return false;
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
@@ -100,7 +101,7 @@ static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struc
     };
     double v[5];
     // v: distance of the third point over that of the first.
-    int n = roots(quartic, 4, 0.02, 50, v), count = 0;
+    int n = find_real_roots(quartic, 4, 0.02, 50, v), count = 0;
     for (int i = 0; i < n && count < 4; i++) {
         double under = 2 * (cg - v[i] * ca), over = (q - 1) * v[i] * v[i] - 2 * q * cb * v[i] + 1 + q;
         double first = sqrt(b2 / (1 + v[i] * v[i] - 2 * v[i] * cb)), u = over / under;
@@ -108,7 +109,7 @@ static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struc
             continue;
         const struct vec3 camera[3] = {v3_scale(ray[0], first), v3_scale(ray[1], first * u),
                                        v3_scale(ray[2], first * v[i])};
-        count += superpose(world, camera, &camera_from_world[count]);
+        count += superpose_points(world, camera, &camera_from_world[count]);
     }
     return count;
 }
@@ -116,13 +117,14 @@ static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struc
 // ---------------------------------------------------------------- matches
 
 // The best landmark for a feature; -1: none, or another one elsewhere is nearly as good.
-static int32_t best_point(const struct place_landmark *points, int32_t point_count, const struct feature *f, int *bits)
+static int32_t best_point(const struct place_landmark *points, int32_t point_count, const struct feature *feature,
+                          int *bits)
 {
     int32_t best = -1;
     int second = 257;
     *bits = 257;
     for (int32_t i = 0; i < point_count; i++) {
-        int d = feature_distance(points[i].descriptor, f->descriptor);
+        int d = feature_distance(points[i].descriptor, feature->descriptor);
         if (d >= second)
             continue;
         bool same = best >= 0 && v3_distance(points[i].world, points[best].world) < SAME_M;
@@ -220,7 +222,7 @@ bool relocalize(const struct match_query *query, const struct landmark_match *ma
     struct vec3 ray[FEATURES_MAX];
     struct pose best = POSE_IDENTITY;
     uint64_t random_state = 1;
-    int most = 0;
+    int max = 0;
     double rounds = MAX_ROUNDS;
     if (count < MIN_INLIERS)
         return false;
@@ -245,21 +247,21 @@ bool relocalize(const struct match_query *query, const struct landmark_match *ma
         int n = p3p_poses((struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
                           (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
         for (int p = 0; p < n; p++) {
-            int now = count_inliers(&problem, motion, &poses[p], most);
-            if (now > most) {
-                most = now;
+            int now = count_inliers(&problem, motion, &poses[p], max);
+            if (now > max) {
+                max = now;
                 best = poses[p];
-                double share = (double)most / count;
+                double share = (double)max / count;
                 rounds = fmin(rounds, log(MISS_CHANCE) / log(1 - share * share * share * 0.5) + 50);
             }
         }
     }
-    if (most < MIN_INLIERS / 2)
+    if (max < MIN_INLIERS / 2)
         return false;
-    most = refine_inliers(&problem, &best);
-    if (most < MIN_INLIERS || !pose_finite(best))
+    max = refine_inliers(&problem, &best);
+    if (max < MIN_INLIERS || !pose_finite(best))
         return false;
     *camera_from_world = best;
-    *inliers = most;
+    *inliers = max;
     return true;
 }

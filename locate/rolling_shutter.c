@@ -41,22 +41,22 @@ double shutter_row_time(const struct lens *lens, double row)
     return rows > 0 ? lens->readout_s * (row - rows / 2) / rows : 0;
 }
 
-struct vec3 shutter_apply_motion(const struct shutter_motion *m, double time_s, struct vec3 p)
+struct vec3 shutter_apply_motion(const struct shutter_motion *motion, double time_s, struct vec3 p)
 {
-    if (!m || time_s == 0)
+    if (!motion || time_s == 0)
         return p;
-    const double *v = m->velocity;
+    const double *v = motion->velocity;
     struct vec3 still = v3_sub(p, v3(v[3] * time_s, v[4] * time_s, v[5] * time_s));
     return quat_rotate(quat_from_rotation_vector(v3(-v[0] * time_s, -v[1] * time_s, -v[2] * time_s)), still);
 }
 
-struct pixel shutter_project(const struct lens *lens, const struct shutter_motion *m, struct vec3 p)
+struct pixel shutter_project(const struct lens *lens, const struct shutter_motion *motion, struct vec3 p)
 {
     // Fixed point of the row; each round leaves a few hundredths of the error.
     enum { ROUNDS = 3 };
     struct pixel at = lens_project(lens, p);
-    for (int i = 0; i < ROUNDS && m; i++) {
-        struct vec3 then = shutter_apply_motion(m, shutter_row_time(lens, at.y), p);
+    for (int i = 0; i < ROUNDS && motion; i++) {
+        struct vec3 then = shutter_apply_motion(motion, shutter_row_time(lens, at.y), p);
         if (!(then.z > 1e-3))
             break;
         at = lens_project(lens, then);

@@ -5,12 +5,12 @@
 #include <string.h>
 
 enum {
-    COLUMNS_MOST = 160, // of the reduced images: a pixel and its neighbours are what depth and colour may be apart
-    GAP_MOST = 3,       // pixels without depth in a step: the sensor's shadow beside what stands in front
-    STEPS_LEAST = 40,   // of an image
-    NEAR = 3,           // pixels from the step on to the first gradient that it is compared with
-    BESIDE = 12,        // and to the last
-    IMAGES_LEAST = 3,
+    COLUMNS_MAX = 160, // of the reduced images: a pixel and its neighbours are what depth and colour may be apart
+    GAP_MAX = 3,       // pixels without depth in a step: the sensor's shadow beside what stands in front
+    STEPS_MIN = 40,    // of an image
+    NEAR = 3,          // pixels from the step on to the first gradient that it is compared with
+    BESIDE = 12,       // and to the last
+    IMAGES_MIN = 3,
 };
 static const double STEP_SHARE = 0.1; // of the depth: no noise of a depth sensor is as large
 // Another way is believed where its rank is so much above that of depth as it is, and so high. Settled on six films of
@@ -22,28 +22,28 @@ struct reduced {
     int width, height, step; // step: pixels of the full image a pixel
 };
 
-static struct reduced reduced_size(const struct lens *l)
+static struct reduced reduced_size(const struct lens *lens)
 {
-    const int step = (l->width + COLUMNS_MOST - 1) / COLUMNS_MOST;
-    return (struct reduced){l->width / step, l->height / step, step};
+    const int step = (lens->width + COLUMNS_MAX - 1) / COLUMNS_MAX;
+    return (struct reduced){lens->width / step, lens->height / step, step};
 }
 
 // ---------------------------------------------------------------- gradients of colour
 
-static void shrink(const struct lens *l, const struct reduced *r, const uint8_t *color, float *out)
+static void shrink_picture(const struct lens *lens, const struct reduced *reduced, const uint8_t *color, float *out)
 {
-    memset(out, 0, (size_t)r->width * (size_t)r->height * 3 * sizeof *out);
-    for (int y = 0; y < r->height * r->step; y++)
-        for (int x = 0; x < r->width * r->step; x++)
+    memset(out, 0, (size_t)reduced->width * (size_t)reduced->height * 3 * sizeof *out);
+    for (int y = 0; y < reduced->height * reduced->step; y++)
+        for (int x = 0; x < reduced->width * reduced->step; x++)
             for (int c = 0; c < 3; c++)
-                out[3 * (y / r->step * r->width + x / r->step) + c] +=
-                    color[3 * ((size_t)y * (size_t)l->width + (size_t)x) + (size_t)c];
+                out[3 * (y / reduced->step * reduced->width + x / reduced->step) + c] +=
+                    color[3 * ((size_t)y * (size_t)lens->width + (size_t)x) + (size_t)c];
 }
 
 // Along x (0) and y (1), summed over the channels; the largest of the pixel and its neighbours in that direction.
-static void gradients(const struct reduced *r, const float *rgb, float *plain, float *out, int along)
+static void find_gradients(const struct reduced *reduced, const float *rgb, float *plain, float *out, int along)
 {
-    const int w = r->width, h = r->height, dx = !along, dy = along;
+    const int w = reduced->width, h = reduced->height, dx = !along, dy = along;
     for (int y = dy; y < h - dy; y++)
         for (int x = dx; x < w - dx; x++) {
             float sum = 0;
@@ -67,24 +67,24 @@ struct looking {
     int count[STREAM_PICTURES][DEPTH_TURNS];
 };
 
-static double depth_at(const struct looking *k, int x, int y)
+static double depth_at(const struct looking *looking, int x, int y)
 {
-    const struct reduced *r = &k->depth;
-    return k->mm[(size_t)(y * r->step + r->step / 2) * (size_t)k->calibration->depth.width +
-                 (size_t)(x * r->step + r->step / 2)];
+    const struct reduced *r = &looking->depth;
+    return looking->mm[(size_t)(y * r->step + r->step / 2) * (size_t)looking->calibration->depth.width +
+                       (size_t)(x * r->step + r->step / 2)];
 }
 
 // Of the gradients beside it, the share that is smaller, of equals half.
-static double local_rank(const struct reduced *r, const float *gradient, int x, int y, int along)
+static double local_rank(const struct reduced *reduced, const float *gradient, int x, int y, int along)
 {
-    const float here = gradient[y * r->width + x];
+    const float here = gradient[y * reduced->width + x];
     double below = 0;
     int count = 0;
     for (int o = -BESIDE; o <= BESIDE; o++) {
         const int u = along ? x : x + o, v = along ? y + o : y;
-        if (abs(o) < NEAR || u < 0 || v < 0 || u >= r->width || v >= r->height)
+        if (abs(o) < NEAR || u < 0 || v < 0 || u >= reduced->width || v >= reduced->height)
             continue;
-        const float there = gradient[v * r->width + u];
+        const float there = gradient[v * reduced->width + u];
         if (there < here)
             below += 1;
         else if (!(there > here))
@@ -94,57 +94,58 @@ static double local_rank(const struct reduced *r, const float *gradient, int x, 
     return count ? below / count : 0.5;
 }
 
-static struct pixel turned(const struct lens *l, struct pixel at, enum depth_turn turn)
+static struct pixel turned_pixel(const struct lens *lens, struct pixel at, enum depth_turn turn)
 {
     if (turn == DEPTH_MIRRORED || turn == DEPTH_TURNED)
-        at.x = l->width - 1 - at.x;
+        at.x = lens->width - 1 - at.x;
     if (turn == DEPTH_FLIPPED || turn == DEPTH_TURNED)
-        at.y = l->height - 1 - at.y;
+        at.y = lens->height - 1 - at.y;
     return at;
 }
 
 // Where colour shows a depth pixel; far outside the image where it does not.
-static struct pixel seen_at(const struct calibration *c, struct pixel at, double z)
+static struct pixel seen_at(const struct calibration *calibration, struct pixel at, double z)
 {
-    if (c->registered)
+    if (calibration->registered)
         return at;
-    const struct vec3 p = pose_apply(c->color_from_depth, v3_scale(lens_ray(&c->depth, at), z));
-    return p.z > 0.05 ? lens_project(&c->color, p) : (struct pixel){-1e6, -1e6};
+    const struct vec3 p = pose_apply(calibration->color_from_depth, v3_scale(lens_ray(&calibration->depth, at), z));
+    return p.z > 0.05 ? lens_project(&calibration->color, p) : (struct pixel){-1e6, -1e6};
 }
 
 // The rank of colour's gradient where the depth pixel would be if one of the two pictures were turned so.
-static void look_up(struct looking *k, int x, int y, int along)
+static void look_up(struct looking *looking, int x, int y, int along)
 {
-    const struct calibration *c = k->calibration;
-    const struct pixel own = {x * k->depth.step + k->depth.step / 2, y * k->depth.step + k->depth.step / 2};
-    const double z = depth_at(k, x, y) * 1e-3;
+    const struct calibration *c = looking->calibration;
+    const struct pixel own = {x * looking->depth.step + looking->depth.step / 2,
+                              y * looking->depth.step + looking->depth.step / 2};
+    const double z = depth_at(looking, x, y) * 1e-3;
     for (int picture = 0; picture < STREAM_PICTURES; picture++)
         for (enum depth_turn turn = DEPTH_STRAIGHT; turn < DEPTH_TURNS; turn++) {
-            const struct pixel at = picture == STREAM_COLOR ? turned(&c->color, seen_at(c, own, z), turn)
-                                                            : seen_at(c, turned(&c->depth, own, turn), z);
-            const int u = (int)floor(at.x / k->color.step), v = (int)floor(at.y / k->color.step);
-            if (u < 0 || v < 0 || u >= k->color.width || v >= k->color.height)
+            const struct pixel at = picture == STREAM_COLOR ? turned_pixel(&c->color, seen_at(c, own, z), turn)
+                                                            : seen_at(c, turned_pixel(&c->depth, own, turn), z);
+            const int u = (int)floor(at.x / looking->color.step), v = (int)floor(at.y / looking->color.step);
+            if (u < 0 || v < 0 || u >= looking->color.width || v >= looking->color.height)
                 continue;
-            k->sum[picture][turn] += local_rank(&k->color, k->gradient[along], u, v, along);
-            k->count[picture][turn]++;
+            looking->sum[picture][turn] += local_rank(&looking->color, looking->gradient[along], u, v, along);
+            looking->count[picture][turn]++;
         }
 }
 
 // A step from (x, y) on in one direction, over a gap: the nearer side is looked up.
-static void look_along(struct looking *k, int x, int y, int dx, int dy)
+static void look_along(struct looking *looking, int x, int y, int dx, int dy)
 {
-    const double here = depth_at(k, x, y);
-    for (int i = 1; i <= GAP_MOST + 1; i++) {
+    const double here = depth_at(looking, x, y);
+    for (int i = 1; i <= GAP_MAX + 1; i++) {
         const int u = x + i * dx, v = y + i * dy;
-        if (u >= k->depth.width || v >= k->depth.height)
+        if (u >= looking->depth.width || v >= looking->depth.height)
             return;
-        const double there = depth_at(k, u, v);
+        const double there = depth_at(looking, u, v);
         if (!(there > 0))
             continue;
         if (there > here * (1 + STEP_SHARE))
-            look_up(k, x, y, dy);
+            look_up(looking, x, y, dy);
         else if (here > there * (1 + STEP_SHARE))
-            look_up(k, u, v, dy);
+            look_up(looking, u, v, dy);
         return;
     }
 }
@@ -158,9 +159,9 @@ enum status stream_turn_add(struct stream_turn *s, const struct calibration *c, 
     float *memory = calloc(pixels * 6, sizeof *memory), *rgb = memory ? memory + 3 * pixels : NULL;
     if (!memory)
         return fail(ERR_MEMORY, "no memory to compare colour and depth");
-    shrink(&c->color, &k.color, color, rgb);
+    shrink_picture(&c->color, &k.color, color, rgb);
     for (int along = 0; along < 2; along++) {
-        gradients(&k.color, rgb, memory + 2 * pixels, memory + (size_t)along * pixels, along);
+        find_gradients(&k.color, rgb, memory + 2 * pixels, memory + (size_t)along * pixels, along);
         k.gradient[along] = memory + (size_t)along * pixels;
     }
     for (int y = 0; y < k.depth.height; y++)
@@ -171,7 +172,7 @@ enum status stream_turn_add(struct stream_turn *s, const struct calibration *c, 
             }
     bool enough = true;
     for (int i = 0; i < STREAM_PICTURES * DEPTH_TURNS; i++)
-        enough = enough && k.count[i / DEPTH_TURNS][i % DEPTH_TURNS] >= STEPS_LEAST;
+        enough = enough && k.count[i / DEPTH_TURNS][i % DEPTH_TURNS] >= STEPS_MIN;
     for (int i = 0; i < STREAM_PICTURES * DEPTH_TURNS && enough; i++) {
         const int picture = i / DEPTH_TURNS, turn = i % DEPTH_TURNS;
         s->rank[picture][turn] += k.sum[picture][turn] / k.count[picture][turn];
@@ -192,7 +193,7 @@ enum depth_turn stream_turn_judge(const struct stream_turn *s)
                 best = s->rank[picture][turn] / images;
                 found = turn;
             }
-    return s->images >= IMAGES_LEAST && best > TURNED_RANK && best - straight > TURNED_GAIN ? found : DEPTH_STRAIGHT;
+    return s->images >= IMAGES_MIN && best > TURNED_RANK && best - straight > TURNED_GAIN ? found : DEPTH_STRAIGHT;
 }
 
 const char *depth_turn_text(enum depth_turn turn)

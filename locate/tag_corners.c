@@ -71,15 +71,15 @@ enum status tag_refiner_open(struct tag_refiner **out, const struct lens *lens)
     return OK;
 }
 
-void tag_refiner_close(struct tag_refiner **r)
+void tag_refiner_close(struct tag_refiner **refiner)
 {
-    if (*r)
-        free((*r)->ray);
-    free(*r);
-    *r = NULL;
+    if (*refiner)
+        free((*refiner)->ray);
+    free(*refiner);
+    *refiner = NULL;
 }
 
-static bool invert3(const double m[9], double out[9])
+static bool invert_matrix3(const double m[9], double out[9])
 {
     double c0 = m[4] * m[8] - m[5] * m[7], c1 = m[5] * m[6] - m[3] * m[8], c2 = m[3] * m[7] - m[4] * m[6];
     double det = m[0] * c0 + m[1] * c1 + m[2] * c2;
@@ -93,7 +93,7 @@ static bool invert3(const double m[9], double out[9])
     return true;
 }
 
-static void apply(const double h[9], double u, double v, double *x, double *y)
+static void apply_homography(const double h[9], double u, double v, double *x, double *y)
 {
     double w = h[6] * u + h[7] * v + h[8];
     *x = (h[0] * u + h[1] * v + h[2]) / w;
@@ -101,22 +101,22 @@ static void apply(const double h[9], double u, double v, double *x, double *y)
 }
 
 // Samples the pixels of the tag and most of its white rim. most: about how many at most.
-static void sample_pixels(struct tag_refiner *r, const uint8_t *rgb, const double h[9], int most)
+static void sample_pixels(struct tag_refiner *refiner, const uint8_t *rgb, const double h[9], int max)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    const struct lens *lens = &r->lens;
+    const struct lens *lens = &refiner->lens;
     const double reach = 1 + TAG_CELL; // the white rim is one cell wide at least
     double x0 = 1e9, y0 = 1e9, x1 = -1e9, y1 = -1e9, inverse[9], twice_area = 0;
     struct pixel at[4];
-    r->count = 0;
+    refiner->count = 0;
     for (int i = 0; i < 4; i++) {
         double x, y;
-        apply(h, reach * corner[i][0], reach * corner[i][1], &x, &y);
+        apply_homography(h, reach * corner[i][0], reach * corner[i][1], &x, &y);
         at[i] = lens_project(lens, v3(x, y, 1));
         x0 = fmin(x0, at[i].x), x1 = fmax(x1, at[i].x);
         y0 = fmin(y0, at[i].y), y1 = fmax(y1, at[i].y);
     }
-    if (!invert3(h, inverse) || !isfinite(x0 + x1 + y0 + y1))
+    if (!invert_matrix3(h, inverse) || !isfinite(x0 + x1 + y0 + y1))
         return;
     for (int i = 0; i < 4; i++)
         twice_area += at[i].x * at[(i + 1) % 4].y - at[(i + 1) % 4].x * at[i].y;
@@ -124,18 +124,19 @@ static void sample_pixels(struct tag_refiner *r, const uint8_t *rgb, const doubl
     int top = (int)fmax(0, floor(y0)), bottom = (int)fmin(lens->height - 1, ceil(y1));
     // Of a large tag every second, third ... pixel along each row; the first one differs from row to row, so that the
     // samples do not form columns.
-    double stride = fmax(1, fabs(twice_area) / 2 / most), phase = 0;
+    double stride = fmax(1, fabs(twice_area) / 2 / max), phase = 0;
     for (int y = top; y <= bottom; y++, phase += GOLDEN - (phase + GOLDEN >= 1)) {
         for (double along = phase * stride; along < right - left + 1; along += stride) {
             size_t pixel = (size_t)y * (size_t)lens->width + (size_t)(left + (int)along);
-            const float *ray = r->ray + pixel * 2;
+            const float *ray = refiner->ray + pixel * 2;
             double u, v;
-            apply(inverse, (double)ray[0], (double)ray[1], &u, &v);
-            if (!(fabs(u) < reach && fabs(v) < reach) || r->count == MAX_SAMPLES)
+            apply_homography(inverse, (double)ray[0], (double)ray[1], &u, &v);
+            if (!(fabs(u) < reach && fabs(v) < reach) || refiner->count == MAX_SAMPLES)
                 continue;
             const uint8_t *p = rgb + pixel * 3;
-            double light = 0.2126 * r->linear[p[0]] + 0.7152 * r->linear[p[1]] + 0.0722 * r->linear[p[2]];
-            r->samples[r->count++] = (struct pixel_sample){(double)ray[0], (double)ray[1], light};
+            double light =
+                0.2126 * refiner->linear[p[0]] + 0.7152 * refiner->linear[p[1]] + 0.0722 * refiner->linear[p[2]];
+            refiner->samples[refiner->count++] = (struct pixel_sample){(double)ray[0], (double)ray[1], light};
         }
     }
 }
@@ -150,19 +151,20 @@ struct refine_equations {
 };
 
 // noise: of the image, in encoded light; robust kernel: Cauchy with three times that as its scale.
-static void accumulate(const struct tag_refiner *r, const struct tag_model *m, double noise, struct refine_equations *g)
+static void accumulate_equations(const struct tag_refiner *refiner, const struct tag_model *model, double noise,
+                                 struct refine_equations *equations)
 {
     double inverse[9];
-    memset(g, 0, sizeof *g);
-    if (!invert3(m->h, inverse))
+    memset(equations, 0, sizeof *equations);
+    if (!invert_matrix3(model->h, inverse))
         return;
-    for (int i = 0; i < r->count; i++) {
-        const struct pixel_sample *s = &r->samples[i];
+    for (int i = 0; i < refiner->count; i++) {
+        const struct pixel_sample *s = &refiner->samples[i];
         double value, by[TAG_PARAMETERS];
-        if (!tag_model_predict(&r->sensor, m, inverse, s, &value, by))
+        if (!tag_model_predict(&refiner->sensor, model, inverse, s, &value, by))
             continue;
         // The camera's noise is uniform in encoded light, so errors are weighted by the slope of the encoding.
-        double stretch = r->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)];
+        double stretch = refiner->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)];
         double error = (s->value - value) * stretch;
         double robust = 1 / (1 + error * error / (9 * noise * noise));
         double weight = robust * stretch * stretch;
@@ -170,118 +172,118 @@ static void accumulate(const struct tag_refiner *r, const struct tag_model *m, d
             double scaled = by[a] * weight;
             if (scaled == 0)
                 continue;
-            g->gradient[a] += scaled * (s->value - value);
+            equations->gradient[a] += scaled * (s->value - value);
             for (int b = 0; b <= a; b++)
-                g->normal[a * TAG_PARAMETERS + b] += scaled * by[b];
+                equations->normal[a * TAG_PARAMETERS + b] += scaled * by[b];
         }
-        g->cost += robust * error * error;
-        g->weight += robust;
-        g->sum_v += s->value;
-        g->sum_vv += s->value * s->value;
-        g->sum_m += value;
-        g->sum_mm += value * value;
-        g->sum_vm += s->value * value;
-        g->count++;
+        equations->cost += robust * error * error;
+        equations->weight += robust;
+        equations->sum_v += s->value;
+        equations->sum_vv += s->value * s->value;
+        equations->sum_m += value;
+        equations->sum_mm += value * value;
+        equations->sum_vm += s->value * value;
+        equations->count++;
     }
     // A prior of the blur, without which small tags may diverge.
     double prior = noise * noise / (BLUR_LOOSE_PX * BLUR_LOOSE_PX);
-    g->normal[8 * TAG_PARAMETERS + 8] += prior;
-    g->gradient[8] += prior * (BLUR_START_PX - m->blur_px);
+    equations->normal[8 * TAG_PARAMETERS + 8] += prior;
+    equations->gradient[8] += prior * (BLUR_START_PX - model->blur_px);
 }
 
 // Initial black and white: the means of the samples that the initial homography puts well inside cells. *noise: their
 // standard deviation in encoded light, an upper bound of the image noise.
-static bool init_black_white(const struct tag_refiner *r, struct tag_model *m, double *noise)
+static bool init_black_white(const struct tag_refiner *refiner, struct tag_model *model, double *noise)
 {
     double inverse[9], sum[2] = {0}, sum2[2] = {0}, weight[2] = {0};
-    if (!invert3(m->h, inverse))
+    if (!invert_matrix3(model->h, inverse))
         return false;
-    m->white = 1;
-    m->black = m->white_u = m->white_v = 0;
-    for (int i = 0; i < r->count; i++) {
+    model->white = 1;
+    model->black = model->white_u = model->white_v = 0;
+    for (int i = 0; i < refiner->count; i++) {
         double value, by[TAG_PARAMETERS];
-        if (!tag_model_predict(&r->sensor, m, inverse, &r->samples[i], &value, by))
+        if (!tag_model_predict(&refiner->sensor, model, inverse, &refiner->samples[i], &value, by))
             continue;
         if (value > 0.8 || value < 0.2) {
-            sum[value > 0.5] += r->samples[i].value;
-            sum2[value > 0.5] += r->samples[i].value * r->samples[i].value;
+            sum[value > 0.5] += refiner->samples[i].value;
+            sum2[value > 0.5] += refiner->samples[i].value * refiner->samples[i].value;
             weight[value > 0.5]++;
         }
     }
     if (!(weight[0] > 8 && weight[1] > 8))
         return false;
-    m->black = sum[0] / weight[0];
-    m->white = sum[1] / weight[1];
+    model->black = sum[0] / weight[0];
+    model->white = sum[1] / weight[1];
     double varies = 0;
     for (int i = 0; i < 2; i++) {
-        double mean = sum[i] / weight[i], stretch = r->slope[(int)(fmin(fmax(mean, 0), 1) * SLOPES)];
+        double mean = sum[i] / weight[i], stretch = refiner->slope[(int)(fmin(fmax(mean, 0), 1) * SLOPES)];
         varies += (sum2[i] - sum[i] * mean) * stretch * stretch;
     }
     *noise = fmin(fmax(sqrt(fmax(varies, 0) / (weight[0] + weight[1])), MIN_NOISE), START_NOISE);
-    return m->white - m->black > MIN_CONTRAST;
+    return model->white - model->black > MIN_CONTRAST;
 }
 
-static bool apply_update(struct tag_model *m, const double d[TAG_PARAMETERS])
+static bool apply_update(struct tag_model *model, const double d[TAG_PARAMETERS])
 {
     double h[9];
     const double change[9] = {1 + d[0], d[1], d[2], d[3], 1 + d[4], d[5], d[6], d[7], 1};
     for (int row = 0; row < 3; row++)
         for (int c = 0; c < 3; c++)
-            h[row * 3 + c] =
-                m->h[row * 3] * change[c] + m->h[row * 3 + 1] * change[3 + c] + m->h[row * 3 + 2] * change[6 + c];
+            h[row * 3 + c] = model->h[row * 3] * change[c] + model->h[row * 3 + 1] * change[3 + c] +
+                             model->h[row * 3 + 2] * change[6 + c];
     if (!(fabs(h[8]) > 1e-12))
         return false;
     for (int i = 0; i < 9; i++) {
-        m->h[i] = h[i] / h[8];
-        if (!isfinite(m->h[i]))
+        model->h[i] = h[i] / h[8];
+        if (!isfinite(model->h[i]))
             return false;
     }
-    m->blur_px = fmin(fmax(m->blur_px + d[8], BLUR_MIN_PX), BLUR_MAX_PX);
-    m->white += d[9];
-    m->black += d[10];
-    m->white_u += d[11];
-    m->white_v += d[12];
-    return isfinite(m->white + m->black + m->white_u + m->white_v);
+    model->blur_px = fmin(fmax(model->blur_px + d[8], BLUR_MIN_PX), BLUR_MAX_PX);
+    model->white += d[9];
+    model->black += d[10];
+    model->white_u += d[11];
+    model->white_v += d[12];
+    return isfinite(model->white + model->black + model->white_u + model->white_v);
 }
 
-// Levenberg-Marquardt. Leaves *g at the model's final state. few: corners are known to a pixel, *noise roughly.
-static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few, struct refine_equations *g,
-                     double *noise)
+// Levenberg-Marquardt. Leaves *equations at the model's final state. few: corners are known to a pixel, *noise roughly.
+static bool minimize_error(const struct tag_refiner *refiner, struct tag_model *model, bool few,
+                           struct refine_equations *equations, double *noise)
 {
     double damping = 1e-4;
-    int most_rounds = few ? FEW_ROUNDS : MAX_ROUNDS;
+    int max_rounds = few ? FEW_ROUNDS : MAX_ROUNDS;
     if (!few)
         *noise = START_NOISE;
-    accumulate(r, m, *noise, g);
-    for (int round = 0; round < most_rounds; round++) {
-        if (g->count < 40)
+    accumulate_equations(refiner, model, *noise, equations);
+    for (int round = 0; round < max_rounds; round++) {
+        if (equations->count < 40)
             return false;
         if (round == NOISE_ROUND && !few) {
-            *noise = fmax(MIN_NOISE, sqrt(g->cost / fmax(1, g->weight - TAG_PARAMETERS)));
-            accumulate(r, m, *noise, g);
+            *noise = fmax(MIN_NOISE, sqrt(equations->cost / fmax(1, equations->weight - TAG_PARAMETERS)));
+            accumulate_equations(refiner, model, *noise, equations);
         }
         double a[TAG_PARAMETERS * TAG_PARAMETERS], d[TAG_PARAMETERS];
-        memcpy(a, g->normal, sizeof a);
-        memcpy(d, g->gradient, sizeof d);
+        memcpy(a, equations->normal, sizeof a);
+        memcpy(d, equations->gradient, sizeof d);
         for (int i = 0; i < TAG_PARAMETERS; i++)
             a[i * TAG_PARAMETERS + i] *= 1 + damping;
         if (!cholesky_factor(a, TAG_PARAMETERS))
             return false;
         cholesky_solve(a, TAG_PARAMETERS, d);
-        struct tag_model next = *m;
+        struct tag_model next = *model;
         struct refine_equations after;
         if (!apply_update(&next, d))
             return false;
-        accumulate(r, &next, *noise, &after);
-        double before = g->cost / g->weight, now = after.cost / after.weight;
+        accumulate_equations(refiner, &next, *noise, &after);
+        double before = equations->cost / equations->weight, now = after.cost / after.weight;
         if (!(after.count >= 40) || !(now < before)) {
             damping = fmax(damping, 1e-3) * 10;
             if (damping > 1e3 || (now - before < 1e-9 * before))
                 return true;
             continue;
         }
-        *m = next;
-        *g = after;
+        *model = next;
+        *equations = after;
         damping *= 0.1;
         double largest = 0;
         for (int i = 0; i < TAG_HOMOGRAPHY_DOF; i++)
@@ -294,8 +296,8 @@ static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few,
 
 // How many times larger the covariance is than with independent noise: what is not in the model (lens, codec) makes the
 // residuals of a cell's pixels correlated (cluster-robust covariance, Liang & Zeger 1986). At least 1.
-static double error_inflation(const struct tag_refiner *r, const struct tag_model *m, const struct refine_equations *g,
-                              double noise)
+static double error_inflation(const struct tag_refiner *refiner, const struct tag_model *model,
+                              const struct refine_equations *equations, double noise)
 {
     double inverse[9], covariance[TAG_PARAMETERS * TAG_PARAMETERS], normal[TAG_PARAMETERS * TAG_PARAMETERS], ratio = 0;
     static const double MARGIN =
@@ -303,19 +305,19 @@ static double error_inflation(const struct tag_refiner *r, const struct tag_mode
     double pull[TAG_RIM * TAG_RIM][TAG_PARAMETERS] = {{0}};
     for (int i = 0; i < TAG_PARAMETERS * TAG_PARAMETERS; i++) {
         int a = i / TAG_PARAMETERS, b = i % TAG_PARAMETERS;
-        normal[i] = g->normal[a >= b ? i : b * TAG_PARAMETERS + a];
+        normal[i] = equations->normal[a >= b ? i : b * TAG_PARAMETERS + a];
     }
-    if (!invert3(m->h, inverse) || !invert_symmetric(normal, TAG_PARAMETERS, covariance))
+    if (!invert_matrix3(model->h, inverse) || !invert_symmetric(normal, TAG_PARAMETERS, covariance))
         return 1;
-    for (int i = 0; i < r->count; i++) {
-        const struct pixel_sample *s = &r->samples[i];
+    for (int i = 0; i < refiner->count; i++) {
+        const struct pixel_sample *s = &refiner->samples[i];
         double value, by[TAG_PARAMETERS], u, v;
-        if (!tag_model_predict(&r->sensor, m, inverse, s, &value, by))
+        if (!tag_model_predict(&refiner->sensor, model, inverse, s, &value, by))
             continue;
-        apply(inverse, s->x, s->y, &u, &v);
+        apply_homography(inverse, s->x, s->y, &u, &v);
         int column = (int)fmin(fmax((u + 1) / TAG_CELL + 1, 0), TAG_RIM - 1);
         int row = (int)fmin(fmax((v + 1) / TAG_CELL + 1, 0), TAG_RIM - 1);
-        double stretch = r->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)], error = (s->value - value) * stretch;
+        double stretch = refiner->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)], error = (s->value - value) * stretch;
         double weight = stretch * error / (1 + error * error / (9 * noise * noise));
         for (int a = 0; a < TAG_PARAMETERS; a++)
             pull[row * TAG_RIM + column][a] += weight * by[a];
@@ -328,8 +330,8 @@ static double error_inflation(const struct tag_refiner *r, const struct tag_mode
 }
 
 // The inverse of the corners' covariance in ideal pixels, propagated from that of the parameters.
-static bool corner_information(const struct tag_refiner *r, const struct tag_model *m, const struct refine_equations *g,
-                               double noise, double information[8][8])
+static bool corner_information(const struct tag_refiner *refiner, const struct tag_model *model,
+                               const struct refine_equations *equations, double noise, double information[8][8])
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     double covariance[TAG_PARAMETERS * TAG_PARAMETERS], by[8][TAG_HOMOGRAPHY_DOF], sum[64];
@@ -337,20 +339,20 @@ static bool corner_information(const struct tag_refiner *r, const struct tag_mod
     for (int a = 0; a < TAG_PARAMETERS; a++)
         for (int b = 0; b < TAG_PARAMETERS; b++)
             normal[a * TAG_PARAMETERS + b] =
-                a >= b ? g->normal[a * TAG_PARAMETERS + b] : g->normal[b * TAG_PARAMETERS + a];
+                a >= b ? equations->normal[a * TAG_PARAMETERS + b] : equations->normal[b * TAG_PARAMETERS + a];
     if (!invert_symmetric(normal, TAG_PARAMETERS, covariance))
         return false;
     for (int k = 0; k < 4; k++) {
         double u = corner[k][0], v = corner[k][1], x, y;
-        apply(m->h, u, v, &x, &y);
-        double w = m->h[6] * u + m->h[7] * v + m->h[8];
-        double x_u = (m->h[0] - x * m->h[6]) / w, x_v = (m->h[1] - x * m->h[7]) / w;
-        double y_u = (m->h[3] - y * m->h[6]) / w, y_v = (m->h[4] - y * m->h[7]) / w;
+        apply_homography(model->h, u, v, &x, &y);
+        double w = model->h[6] * u + model->h[7] * v + model->h[8];
+        double x_u = (model->h[0] - x * model->h[6]) / w, x_v = (model->h[1] - x * model->h[7]) / w;
+        double y_u = (model->h[3] - y * model->h[6]) / w, y_v = (model->h[4] - y * model->h[7]) / w;
         const double du[TAG_HOMOGRAPHY_DOF] = {u, v, 1, 0, 0, 0, -u * u, -u * v},
                      dv[TAG_HOMOGRAPHY_DOF] = {0, 0, 0, u, v, 1, -u * v, -v * v};
         for (int i = 0; i < TAG_HOMOGRAPHY_DOF; i++) {
-            by[2 * k][i] = r->lens.fx * (x_u * du[i] + x_v * dv[i]);
-            by[2 * k + 1][i] = r->lens.fy * (y_u * du[i] + y_v * dv[i]);
+            by[2 * k][i] = refiner->lens.fx * (x_u * du[i] + x_v * dv[i]);
+            by[2 * k + 1][i] = refiner->lens.fy * (y_u * du[i] + y_v * dv[i]);
         }
     }
     for (int a = 0; a < 8; a++) {
@@ -365,22 +367,22 @@ static bool corner_information(const struct tag_refiner *r, const struct tag_mod
     return invert_symmetric(sum, 8, &information[0][0]);
 }
 
-bool tag_refine(struct tag_refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
+bool tag_refine(struct tag_refiner *refiner, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
                 const struct pixel corner[4], struct tag_observation *out)
 {
     struct tag_candidate candidate = {.id = id, .pattern = pattern};
     memcpy(candidate.corner, corner, sizeof candidate.corner);
-    return tag_refine_sampled(r, rgb, &candidate, MAX_SAMPLES, out);
+    return tag_refine_sampled(refiner, rgb, &candidate, MAX_SAMPLES, out);
 }
 
-bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, const struct tag_candidate *candidate,
-                        int most_pixels, struct tag_observation *out)
+bool tag_refine_sampled(struct tag_refiner *refiner, const uint8_t *rgb, const struct tag_candidate *candidate,
+                        int max_pixels, struct tag_observation *out)
 {
     static const double own[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     struct tag_model m = {.blur_px = BLUR_START_PX};
     struct vec3 first[4];
     for (int k = 0; k < 4; k++)
-        first[k] = lens_ray(&r->lens, candidate->corner[k]);
+        first[k] = lens_ray(&refiner->lens, candidate->corner[k]);
     if (!planar_homography(first, m.h))
         return false;
     for (int row = 0; row < TAG_RIM; row++)
@@ -390,8 +392,8 @@ bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, const struct 
         }
     struct refine_equations g;
     double noise, inflation = 1;
-    sample_pixels(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
-    if (!init_black_white(r, &m, &noise) || !minimize(r, &m, most_pixels < MAX_SAMPLES, &g, &noise))
+    sample_pixels(refiner, rgb, m.h, max_pixels < MAX_SAMPLES ? max_pixels : MAX_SAMPLES);
+    if (!init_black_white(refiner, &m, &noise) || !minimize_error(refiner, &m, max_pixels < MAX_SAMPLES, &g, &noise))
         return false;
 
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
@@ -401,18 +403,19 @@ bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, const struct 
     if (!(s.correlation > MIN_CORRELATION) || !(m.white - m.black > MIN_CONTRAST))
         return false;
     noise = fmax(MIN_NOISE, sqrt(g.cost / fmax(1, g.weight - TAG_PARAMETERS)));
-    if (most_pixels >= MAX_SAMPLES) // sparse samples are nearly independent
-        inflation = error_inflation(r, &m, &g, noise);
-    if (!corner_information(r, &m, &g, noise * sqrt(inflation), s.information))
+    if (max_pixels >= MAX_SAMPLES) // sparse samples are nearly independent
+        inflation = error_inflation(refiner, &m, &g, noise);
+    if (!corner_information(refiner, &m, &g, noise * sqrt(inflation), s.information))
         return false;
     double cell_px = 1e9, moved_px = 0; // a cell's size, by the tag's shortest side; how far the corners moved
     for (int k = 0; k < 4; k++) {
         s.ray[k].z = 1;
-        apply(m.h, own[k][0], own[k][1], &s.ray[k].x, &s.ray[k].y);
-        s.time_s[k] = shutter_row_time(&r->lens, lens_project(&r->lens, s.ray[k]).y);
-        double dx = (s.ray[k].x - first[k].x) * r->lens.fx, dy = (s.ray[k].y - first[k].y) * r->lens.fy;
+        apply_homography(m.h, own[k][0], own[k][1], &s.ray[k].x, &s.ray[k].y);
+        s.time_s[k] = shutter_row_time(&refiner->lens, lens_project(&refiner->lens, s.ray[k]).y);
+        double dx = (s.ray[k].x - first[k].x) * refiner->lens.fx, dy = (s.ray[k].y - first[k].y) * refiner->lens.fy;
         moved_px = fmax(moved_px, sqrt(dx * dx + dy * dy));
-        dx = (first[k].x - first[(k + 1) % 4].x) * r->lens.fx, dy = (first[k].y - first[(k + 1) % 4].y) * r->lens.fy;
+        dx = (first[k].x - first[(k + 1) % 4].x) * refiner->lens.fx,
+        dy = (first[k].y - first[(k + 1) % 4].y) * refiner->lens.fy;
         cell_px = fmin(cell_px, sqrt(dx * dx + dy * dy) / TAG_CELLS);
     }
     if (!(moved_px < fmax(1.5, 1.5 * cell_px)) || !planar_homography(s.ray, m.h))

@@ -13,7 +13,7 @@ struct tag_refiner;
 
 // Copies `lens`. ERR_MEMORY: *out is NULL.
 MUST_CHECK enum status tag_refiner_open(struct tag_refiner **out, const struct lens *lens);
-void tag_refiner_close(struct tag_refiner **r); // NULL is fine; sets *r = NULL
+void tag_refiner_close(struct tag_refiner **refiner); // NULL is fine; sets *refiner = NULL
 
 // A tag in an image.
 struct tag_observation {
@@ -26,7 +26,7 @@ struct tag_observation {
 
 // rgb: of the lens's size, 8 bits, sRGB. corner: approximate, within about half a cell of the tag; pixels of the image,
 // distorted. False, *out untouched: the pattern is not there, or too little of it.
-bool tag_refine(struct tag_refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
+bool tag_refine(struct tag_refiner *refiner, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
                 const struct pixel corner[4], struct tag_observation *out);
 
 // A tag that should be in the image.
@@ -38,8 +38,8 @@ struct tag_candidate {
 
 // The same from about so many of the tag's pixels at most, for a tag whose corners are known to a pixel: a tenth of the
 // time, twice the standard deviation.
-bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, const struct tag_candidate *candidate,
-                        int most_pixels, struct tag_observation *out);
+bool tag_refine_sampled(struct tag_refiner *refiner, const uint8_t *rgb, const struct tag_candidate *candidate,
+                        int max_pixels, struct tag_observation *out);
 
 // BT.601 luma of 8-bit RGB, for the tag detector and features.
 void gray_from_rgb(const uint8_t *rgb, size_t pixels, uint8_t *gray);

@@ -45,7 +45,7 @@ struct axis_response {
 };
 
 // Interpolated linearly, accurate to a millionth.
-static struct gaussian_value gaussian_at(const struct tag_sensor *r, double x)
+static struct gaussian_value gaussian_at(const struct tag_sensor *sensor, double x)
 {
     if (x <= -GAUSSIAN_REACH)
         return (struct gaussian_value){0, 0, 0};
@@ -54,28 +54,30 @@ static struct gaussian_value gaussian_at(const struct tag_sensor *r, double x)
     double at = (x + GAUSSIAN_REACH) * (GAUSSIAN_STEPS / (2 * GAUSSIAN_REACH));
     int i = (int)at;
     double t = at - i;
-    const struct gaussian_value *b = &r->gaussian[i], *c = b + 1;
-    return (struct gaussian_value){b->integral + t * (c->integral - b->integral), b->below + t * (c->below - b->below),
-                                   b->density + t * (c->density - b->density)};
+    const struct gaussian_value *value = &sensor->gaussian[i], *c = value + 1;
+    return (struct gaussian_value){value->integral + t * (c->integral - value->integral),
+                                   value->below + t * (c->below - value->below),
+                                   value->density + t * (c->density - value->density)};
 }
 
-static void respond_along(const struct tag_sensor *r, double a, const struct edge_window *w, struct axis_response *out)
+static void respond_along(const struct tag_sensor *sensor, double a, const struct edge_window *window,
+                          struct axis_response *out)
 {
-    double reach = w->width / 2 + 3 * w->blur;
+    double reach = window->width / 2 + 3 * window->blur;
     const int first = clamp_int((int)floor(a - reach), 0, TAG_RIM - 1);
     const int last = clamp_int((int)floor(a + reach), first, TAG_RIM - 1);
     out->first = first;
     out->count = last - first + 1;
     double below = 0, below_a = 0, below_blur = 0; // of the edge below the cell
-    double sharp = 1 / w->blur, narrow = 1 / w->width, half = w->width / 2;
+    double sharp = 1 / window->blur, narrow = 1 / window->width, half = window->width / 2;
     for (int i = first; i <= last; i++) {
         double above = 1, above_a = 0, above_blur = 0;
         if (i < last) {
-            struct gaussian_value p = gaussian_at(r, (i + 1 - a + half) * sharp);
-            struct gaussian_value m = gaussian_at(r, (i + 1 - a - half) * sharp);
-            above = (p.integral - m.integral) * w->blur * narrow;
+            struct gaussian_value p = gaussian_at(sensor, (i + 1 - a + half) * sharp);
+            struct gaussian_value m = gaussian_at(sensor, (i + 1 - a - half) * sharp);
+            above = (p.integral - m.integral) * window->blur * narrow;
             above_a = (m.below - p.below) * narrow;
-            above_blur = (p.density - m.density) * narrow * w->blur_by_px;
+            above_blur = (p.density - m.density) * narrow * window->blur_by_px;
         }
         out->share[i - first] = above - below;
         out->by_a[i - first] = above_a - below_a;
@@ -98,17 +100,17 @@ struct footprint {
     double covariance;
 };
 
-static struct white_response render_white(const struct tag_sensor *r, const struct tag_model *m, double u, double v,
-                                          const struct footprint *pixel)
+static struct white_response render_white(const struct tag_sensor *sensor, const struct tag_model *model, double u,
+                                          double v, const struct footprint *pixel)
 {
     struct axis_response across, up;
-    respond_along(r, (u + 1) / TAG_CELL + 1, &pixel->u, &across);
-    respond_along(r, (v + 1) / TAG_CELL + 1, &pixel->v, &up);
+    respond_along(sensor, (u + 1) / TAG_CELL + 1, &pixel->u, &across);
+    respond_along(sensor, (v + 1) / TAG_CELL + 1, &pixel->v, &up);
     struct white_response s = {0};
     for (int j = 0; j < up.count; j++) {
         double row = 0, row_a = 0, row_blur = 0;
         for (int i = 0; i < across.count; i++) {
-            double cell = m->cells[up.first + j][across.first + i];
+            double cell = model->cells[up.first + j][across.first + i];
             row += cell * across.share[i];
             row_a += cell * across.by_a[i];
             row_blur += cell * across.by_blur[i];
@@ -123,26 +125,26 @@ static struct white_response render_white(const struct tag_sensor *r, const stru
     return s;
 }
 
-bool tag_model_predict(const struct tag_sensor *r, const struct tag_model *m, const double inverse[9],
-                       const struct pixel_sample *s, double *value, double by[TAG_PARAMETERS])
+bool tag_model_predict(const struct tag_sensor *sensor, const struct tag_model *model, const double inverse[9],
+                       const struct pixel_sample *sample, double *value, double by[TAG_PARAMETERS])
 {
-    double w = 1 / (inverse[6] * s->x + inverse[7] * s->y + inverse[8]);
-    double u = (inverse[0] * s->x + inverse[1] * s->y + inverse[2]) * w;
-    double v = (inverse[3] * s->x + inverse[4] * s->y + inverse[5]) * w;
+    double w = 1 / (inverse[6] * sample->x + inverse[7] * sample->y + inverse[8]);
+    double u = (inverse[0] * sample->x + inverse[1] * sample->y + inverse[2]) * w;
+    double v = (inverse[3] * sample->x + inverse[4] * sample->y + inverse[5]) * w;
     if (!(fabs(u) < 1 + 0.75 * TAG_CELL && fabs(v) < 1 + 0.75 * TAG_CELL))
         return false;
-    double w_x = w * r->pixel_x, w_y = w * r->pixel_y;
+    double w_x = w * sensor->pixel_x, w_y = w * sensor->pixel_y;
     double u_x = (inverse[0] - u * inverse[6]) * w_x, u_y = (inverse[1] - u * inverse[7]) * w_y;
     double v_x = (inverse[3] - v * inverse[6]) * w_x, v_y = (inverse[4] - v * inverse[7]) * w_y;
-    const struct footprint pixel = {.u = edge_window_of(u_x, u_y, m->blur_px),
-                                    .v = edge_window_of(v_x, v_y, m->blur_px),
-                                    .covariance = (m->blur_px * m->blur_px + 1.0 / 12) * (u_x * v_x + u_y * v_y) /
-                                                  (TAG_CELL * TAG_CELL)};
-    struct white_response shade = render_white(r, m, u, v, &pixel);
-    double white = m->white + m->white_u * u + m->white_v * v;
-    *value = m->black + (white - m->black) * shade.white;
-    double by_u = (white - m->black) * shade.by_u + m->white_u * shade.white;
-    double by_v = (white - m->black) * shade.by_v + m->white_v * shade.white;
+    const struct footprint pixel = {.u = edge_window_of(u_x, u_y, model->blur_px),
+                                    .v = edge_window_of(v_x, v_y, model->blur_px),
+                                    .covariance = (model->blur_px * model->blur_px + 1.0 / 12) *
+                                                  (u_x * v_x + u_y * v_y) / (TAG_CELL * TAG_CELL)};
+    struct white_response shade = render_white(sensor, model, u, v, &pixel);
+    double white = model->white + model->white_u * u + model->white_v * v;
+    *value = model->black + (white - model->black) * shade.white;
+    double by_u = (white - model->black) * shade.by_u + model->white_u * shade.white;
+    double by_v = (white - model->black) * shade.by_v + model->white_v * shade.white;
     // h becomes h (I + d): at a fixed point of the image (u, v) moves by -d (u, v, 1)
     by[0] = -by_u * u;
     by[1] = -by_u * v;
@@ -152,7 +154,7 @@ bool tag_model_predict(const struct tag_sensor *r, const struct tag_model *m, co
     by[5] = -by_v;
     by[6] = (by_u * u + by_v * v) * u;
     by[7] = (by_u * u + by_v * v) * v;
-    by[8] = (white - m->black) * shade.by_blur;
+    by[8] = (white - model->black) * shade.by_blur;
     by[9] = shade.white;
     by[10] = 1 - shade.white;
     by[11] = shade.white * u;
@@ -229,7 +231,7 @@ void tag_read_depth(const struct tag_observation *seen, const struct lens *lens,
 
 // ---------------------------------------------------------------- mirrored tags
 
-enum { MOST_SHOWN = 64 };
+enum { MAX_SHOWN = 64 };
 
 struct mirrored_tags {
     struct lens lens;
@@ -259,22 +261,22 @@ enum status mirrored_tags_open(struct mirrored_tags **out, const struct lens *le
     return status;
 }
 
-void mirrored_tags_close(struct mirrored_tags **m)
+void mirrored_tags_close(struct mirrored_tags **tags)
 {
-    if (!*m)
+    if (!*tags)
         return;
-    tag_detector_close(&(*m)->detector);
-    free((*m)->gray);
-    free(*m);
-    *m = NULL;
+    tag_detector_close(&(*tags)->detector);
+    free((*tags)->gray);
+    free(*tags);
+    *tags = NULL;
 }
 
 enum status mirrored_tags_look_straight(struct mirrored_tags *m, const uint8_t *gray, int *shown)
 {
-    struct tag_detection seen[MOST_SHOWN];
+    struct tag_detection seen[MAX_SHOWN];
     int count = 0;
     const struct gray_image image = {gray, m->lens.width, m->lens.height};
-    const enum status status = tag_detector_detect(m->detector, &image, seen, MOST_SHOWN, &count);
+    const enum status status = tag_detector_detect(m->detector, &image, seen, MAX_SHOWN, &count);
     *shown = 0;
     for (int i = 0; status == OK && i < count; i++)
         *shown += m->counts[seen[i].id];

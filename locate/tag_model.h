@@ -2,10 +2,10 @@
 // cells, through the pixel's square and a Gaussian blur, and its derivatives by all parameters. Coordinates (u, v) are
 // the tag's own: -1 .. 1 over the black square, v up; its white rim is one cell wide. Pure.
 #pragma once
-#include "platform/vision/tag_detector.h"
 #include "base/depth_noise.h"
-#include "locate/tag_corners.h"
 #include "base/lens.h"
+#include "locate/tag_corners.h"
+#include "platform/vision/tag_detector.h"
 
 enum {
     TAG_RIM = TAG_CELLS + 2, // cells along a side with the white rim
@@ -43,9 +43,9 @@ struct tag_model {
     double cells[TAG_RIM][TAG_RIM];                 // 1: white; row 0 at the bottom
 };
 
-// *value and its derivatives at one pixel. inverse: of m->h. False: outside the tag's white rim.
-bool tag_model_predict(const struct tag_sensor *sensor, const struct tag_model *m, const double inverse[9],
-                       const struct pixel_sample *s, double *value, double by[TAG_PARAMETERS]);
+// *value and its derivatives at one pixel. inverse: of model->h. False: outside the tag's white rim.
+bool tag_model_predict(const struct tag_sensor *sensor, const struct tag_model *model, const double inverse[9],
+                       const struct pixel_sample *sample, double *value, double by[TAG_PARAMETERS]);
 
 // ---------------------------------------------------------------- tag depth
 
@@ -80,7 +80,7 @@ struct mirrored_tags;
 // For pictures of that size. ids: of the tags that count, copied; NULL: all tags do. ERR_MEMORY.
 MUST_CHECK enum status mirrored_tags_open(struct mirrored_tags **out, const struct lens *lens, const int32_t *ids,
                                           int count);
-void mirrored_tags_close(struct mirrored_tags **m); // NULL is fine; sets *m = NULL
+void mirrored_tags_close(struct mirrored_tags **tags); // NULL is fine; sets *tags = NULL
 
 // *shown: how many of the tags the picture shows in a mirror. 15 ms at 640 x 480. ERR_MEMORY.
 MUST_CHECK enum status mirrored_tags_look(struct mirrored_tags *m, const uint8_t *gray, int *shown);

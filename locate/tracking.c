@@ -10,35 +10,36 @@
 
 // Starting and dropping the locator's tracks.
 
-struct vec3 locator_point_in_camera(const struct locator *l, const struct pose *camera_from_world, struct vec3 world,
-                                    double time_s)
+struct vec3 locator_point_in_camera(const struct locator *locator, const struct pose *camera_from_world,
+                                    struct vec3 world, double time_s)
 {
-    return shutter_apply_motion(l->motion, time_s, pose_apply(*camera_from_world, world));
+    return shutter_apply_motion(locator->motion, time_s, pose_apply(*camera_from_world, world));
 }
 
-void locator_add_track(struct locator *l, int32_t point, struct vec3 world, const double seen[3], struct pixel at,
+void locator_add_track(struct locator *locator, int32_t point, struct vec3 world, const double seen[3], struct pixel at,
                        const struct pose *camera_from_world)
 {
-    if (l->track_count == LOCATOR_MAX_TRACKS)
+    if (locator->track_count == LOCATOR_MAX_TRACKS)
         return;
-    struct point_track *t = &l->tracks[l->track_count];
-    double time_s = shutter_row_time(&l->lens, at.y);
-    struct vec3 p = locator_point_in_camera(l, camera_from_world, world, time_s), ray = lens_ray(&l->lens, at);
+    struct point_track *t = &locator->tracks[locator->track_count];
+    double time_s = shutter_row_time(&locator->lens, at.y);
+    struct vec3 p = locator_point_in_camera(locator, camera_from_world, world, time_s),
+                ray = lens_ray(&locator->lens, at);
     *t = (struct point_track){.point = point, .world = world, .at = at, .ray = ray, .time_s = time_s};
     memcpy(t->seen, seen, sizeof t->seen);
-    t->bias[0] = point < 0 ? 0 : l->lens.fx * (ray.x - p.x / p.z);
-    t->bias[1] = point < 0 ? 0 : l->lens.fy * (ray.y - p.y / p.z);
+    t->bias[0] = point < 0 ? 0 : locator->lens.fx * (ray.x - p.x / p.z);
+    t->bias[1] = point < 0 ? 0 : locator->lens.fy * (ray.y - p.y / p.z);
     t->bias_variance = point < 0 ? LOCATOR_CORNER_PX * LOCATOR_CORNER_PX : LOCATOR_TRACKING_PX * LOCATOR_TRACKING_PX;
     t->noise[0] = t->noise[2] = LOCATOR_TRACKING_PX * LOCATOR_TRACKING_PX;
     t->template_view = v3_sub(pose_inverse(*camera_from_world).translation, world);
-    l->track_count += klt_patch_extract(&l->pyramid, at, &t->patch);
+    locator->track_count += klt_patch_extract(&locator->pyramid, at, &t->patch);
 }
 
-void locator_drop_track(struct locator *l, int i)
+void locator_drop_track(struct locator *locator, int i)
 {
-    l->track_count--;
-    if (i < l->track_count)
-        l->tracks[i] = l->tracks[l->track_count];
+    locator->track_count--;
+    if (i < locator->track_count)
+        locator->tracks[i] = locator->tracks[locator->track_count];
 }
 
 // ---------------------------------------------------------------- landmark activation
@@ -60,24 +61,26 @@ enum {
 static const double MIN_DISTANCE_PX = 5; // tracks nearer to each other are redundant; chosen by hand
 static const float MIN_GAIN = 1;         // expected new tracks, times images waited, that are worth a search
 
-static bool crowded(const struct locator *l, struct pixel at)
+static bool is_crowded(const struct locator *locator, struct pixel at)
 {
-    for (int i = 0; i < l->track_count; i++)
-        if (fabs(l->tracks[i].at.x - at.x) < MIN_DISTANCE_PX && fabs(l->tracks[i].at.y - at.y) < MIN_DISTANCE_PX)
+    for (int i = 0; i < locator->track_count; i++)
+        if (fabs(locator->tracks[i].at.x - at.x) < MIN_DISTANCE_PX &&
+            fabs(locator->tracks[i].at.y - at.y) < MIN_DISTANCE_PX)
             return true;
     return false;
 }
 
-void locator_add_landmark_tracks(struct locator *l, int found, const struct pose *camera_from_world)
+void locator_add_landmark_tracks(struct locator *locator, int found, const struct pose *camera_from_world)
 {
-    for (int i = 0; i < found && l->track_count < LOCATOR_MAX_TRACKS; i++) {
-        const struct feature *f = &l->index.features[l->matches[i].feature];
-        l->missed_count[l->matches[i].point] = 0;
+    for (int i = 0; i < found && locator->track_count < LOCATOR_MAX_TRACKS; i++) {
+        const struct feature *f = &locator->index.features[locator->matches[i].feature];
+        locator->missed_count[locator->matches[i].point] = 0;
         double seen[3];
-        if (crowded(l, f->at))
+        if (is_crowded(locator, f->at))
             continue;
-        landmark_covariance(&l->points[l->matches[i].point], f, &l->lens, camera_from_world, seen);
-        locator_add_track(l, l->matches[i].point, l->points[l->matches[i].point].world, seen, f->at, camera_from_world);
+        landmark_covariance(&locator->points[locator->matches[i].point], f, &locator->lens, camera_from_world, seen);
+        locator_add_track(locator, locator->matches[i].point, locator->points[locator->matches[i].point].world, seen,
+                          f->at, camera_from_world);
     }
 }
 
@@ -101,7 +104,7 @@ static int region_of_cell(int cell)
 }
 
 // Sorts the landmarks that should be seen by the region of the image in which they are.
-static void sort_into_regions(struct locator *l, const struct pose *camera_from_world, struct search_gain *out)
+static void sort_into_regions(struct locator *locator, const struct pose *camera_from_world, struct search_gain *out)
 {
     double r[3][3];
     const struct vec3 *t = &camera_from_world->translation;
@@ -109,63 +112,64 @@ static void sort_into_regions(struct locator *l, const struct pose *camera_from_
     uint8_t *missed_count = &out->missed_count[0][0];
     memset(missed_count, NO_POINT, sizeof out->missed_count);
     quat_to_matrix(camera_from_world->rotation, r);
-    for (int32_t i = 0; i < l->point_count; i++) {
-        const struct vec3 w = l->points[i].world;
+    for (int32_t i = 0; i < locator->point_count; i++) {
+        const struct vec3 w = locator->points[i].world;
         struct vec3 p = {r[0][0] * w.x + r[0][1] * w.y + r[0][2] * w.z + t->x,
                          r[1][0] * w.x + r[1][1] * w.y + r[1][2] * w.z + t->y,
                          r[2][0] * w.x + r[2][1] * w.y + r[2][2] * w.z + t->z};
-        int cell = locator_in_image(&l->lens, p) ? cell_of(&l->lens, lens_project(&l->lens, p)) : -1;
-        l->region_of[i] = cell < 0 ? -1 : region_of_cell(cell);
+        int cell = locator_in_image(&locator->lens, p) ? cell_of(&locator->lens, lens_project(&locator->lens, p)) : -1;
+        locator->region_of[i] = cell < 0 ? -1 : region_of_cell(cell);
         if (cell < 0)
             continue;
-        missed_count[cell] = l->missed_count[i] < missed_count[cell] ? l->missed_count[i] : missed_count[cell];
-        in_region[l->region_of[i] + 1]++;
+        missed_count[cell] =
+            locator->missed_count[i] < missed_count[cell] ? locator->missed_count[i] : missed_count[cell];
+        in_region[locator->region_of[i] + 1]++;
     }
     for (int i = 0; i < LOCATOR_REGIONS; i++)
         in_region[i + 1] += in_region[i];
-    memcpy(l->region_start, in_region, sizeof l->region_start);
-    for (int32_t i = 0; i < l->point_count; i++)
-        if (l->region_of[i] >= 0)
-            l->points_by_region[in_region[l->region_of[i]]++] = i;
+    memcpy(locator->region_start, in_region, sizeof locator->region_start);
+    for (int32_t i = 0; i < locator->point_count; i++)
+        if (locator->region_of[i] >= 0)
+            locator->points_by_region[in_region[locator->region_of[i]]++] = i;
 }
 
 // Cells that a track covers gain nothing.
-static void update_gain(struct locator *l, struct search_gain *e)
+static void update_gain(struct locator *locator, struct search_gain *gain)
 {
-    uint8_t *missed_count = &e->missed_count[0][0];
-    for (int i = 0; i < l->track_count; i++) {
-        int cell = cell_of(&l->lens, l->tracks[i].at);
+    uint8_t *missed_count = &gain->missed_count[0][0];
+    for (int i = 0; i < locator->track_count; i++) {
+        int cell = cell_of(&locator->lens, locator->tracks[i].at);
         if (cell >= 0)
             missed_count[cell] = NO_POINT;
     }
-    memset(e->gain, 0, sizeof e->gain);
+    memset(gain->gain, 0, sizeof gain->gain);
     for (int i = 0; i < CELLS_X * CELLS_Y; i++)
         if (missed_count[i] != NO_POINT)
-            e->gain[region_of_cell(i)] += 1.0f / (float)(1 + missed_count[i]);
+            gain->gain[region_of_cell(i)] += 1.0f / (float)(1 + missed_count[i]);
     for (int i = 0; i < LOCATOR_REGIONS; i++)
-        e->gain[i] *= (float)++l->frames_unsearched[i];
+        gain->gain[i] *= (float)++locator->frames_unsearched[i];
 }
 
 // New landmarks in one region.
-static enum status search_region(struct locator *l, int region, const uint16_t *depth,
+static enum status search_region(struct locator *locator, int region, const uint16_t *depth,
                                  const struct pose *camera_from_world)
 {
-    const int32_t *which = l->points_by_region + l->region_start[region];
-    int32_t count = l->region_start[region + 1] - l->region_start[region];
-    enum status status = locator_extract_region_features(l, region, depth);
+    const int32_t *which = locator->points_by_region + locator->region_start[region];
+    int32_t count = locator->region_start[region + 1] - locator->region_start[region];
+    enum status status = locator_extract_region_features(locator, region, depth);
     if (status != OK)
         return status;
     for (int32_t i = 0; i < count; i++) {
-        l->region_points[i] = l->points[which[i]];
-        l->missed_count[which[i]] += l->missed_count[which[i]] < MAX_MISSED_COUNT;
+        locator->region_points[i] = locator->points[which[i]];
+        locator->missed_count[which[i]] += locator->missed_count[which[i]] < MAX_MISSED_COUNT;
     }
     const struct match_query query = {
-        .points = l->region_points, .point_count = count, .index = &l->index, .lens = &l->lens};
-    int found = landmarks_match(&query, (struct match_window){LANDMARK_NARROW_PX, false}, l->motion, camera_from_world,
-                                l->matches, FEATURES_MAX);
+        .points = locator->region_points, .point_count = count, .index = &locator->index, .lens = &locator->lens};
+    int found = landmarks_match(&query, (struct match_window){LANDMARK_NARROW_PX, false}, locator->motion,
+                                camera_from_world, locator->matches, FEATURES_MAX);
     for (int i = 0; i < found; i++)
-        l->matches[i].point = which[l->matches[i].point];
-    locator_add_landmark_tracks(l, found, camera_from_world);
+        locator->matches[i].point = which[locator->matches[i].point];
+    locator_add_landmark_tracks(locator, found, camera_from_world);
     return OK;
 }
 
@@ -211,52 +215,53 @@ static const double CHANGE_PX = 0.05; // random walk of a track's bias, each ima
 static const double NEW_TEMPLATE_ANGLE = 0.08;
 
 // The corners of the tags used, by which the tags are found in the next image.
-static void add_corners(struct locator *l, const struct pnp_tag *tags, const struct pose *camera_from_world)
+static void add_corners(struct locator *locator, const struct pnp_tag *tags, const struct pose *camera_from_world)
 {
-    for (int i = 0; i < l->observed_count; i++) {
+    for (int i = 0; i < locator->observed_count; i++) {
         struct vec3 world[4];
         const double seen[3] = {LOCATOR_CORNER_PX * LOCATOR_CORNER_PX, 0, LOCATOR_CORNER_PX * LOCATOR_CORNER_PX};
-        place_tag_corners(&l->tags[l->observed_tag[i]], world);
+        place_tag_corners(&locator->tags[locator->observed_tag[i]], world);
         for (int k = 0; k < 4 && tags[i].used; k++)
-            locator_add_track(l, -1, world[k], seen, lens_project(&l->lens, l->observations[i].ray[k]),
-                              camera_from_world);
+            locator_add_track(locator, -1, world[k], seen,
+                              lens_project(&locator->lens, locator->observations[i].ray[k]), camera_from_world);
     }
 }
 
 // Reprojection errors of a tag's corners, ideal pixels.
-static void tag_corner_errors(const struct locator *l, int i, const struct pose *camera_from_world, double out[8])
+static void tag_corner_errors(const struct locator *locator, int i, const struct pose *camera_from_world, double out[8])
 {
     struct vec3 world[4];
-    place_tag_corners(&l->tags[l->observed_tag[i]], world);
+    place_tag_corners(&locator->tags[locator->observed_tag[i]], world);
     for (int k = 0; k < 4; k++) {
-        struct vec3 p = locator_point_in_camera(l, camera_from_world, world[k], l->observations[i].time_s[k]);
-        out[2 * k] = l->lens.fx * (l->observations[i].ray[k].x - p.x / p.z);
-        out[2 * k + 1] = l->lens.fy * (l->observations[i].ray[k].y - p.y / p.z);
+        struct vec3 p =
+            locator_point_in_camera(locator, camera_from_world, world[k], locator->observations[i].time_s[k]);
+        out[2 * k] = locator->lens.fx * (locator->observations[i].ray[k].x - p.x / p.z);
+        out[2 * k + 1] = locator->lens.fy * (locator->observations[i].ray[k].y - p.y / p.z);
     }
 }
 
 // Updates each tag's biases by the tracks' pose, and makes them relative to `best`, the fused pose.
-static void update_tag_biases(struct locator *l, const struct pnp_tag *tags, const struct pose *tracked,
+static void update_tag_biases(struct locator *locator, const struct pnp_tag *tags, const struct pose *tracked,
                               const struct pose *best)
 {
     bool seen[PNP_MAX_TAGS] = {false};
-    for (int32_t k = 0; k < l->tag_count; k++) {
+    for (int32_t k = 0; k < locator->tag_count; k++) {
         int i = 0;
-        while (i < l->observed_count && (l->observed_tag[i] != k || !tags[i].used))
+        while (i < locator->observed_count && (locator->observed_tag[i] != k || !tags[i].used))
             i++;
-        if (i == l->observed_count)
-            l->tag_tracks[k].known = false;
+        if (i == locator->observed_count)
+            locator->tag_tracks[k].known = false;
         else
             seen[i] = true;
     }
-    for (int i = 0; i < l->observed_count; i++) {
-        struct tag_track *t = &l->tag_tracks[l->observed_tag[i]];
+    for (int i = 0; i < locator->observed_count; i++) {
+        struct tag_track *t = &locator->tag_tracks[locator->observed_tag[i]];
         double at[8], fused[8], variance = t->known ? t->bias_variance + CHANGE_PX * CHANGE_PX : 1e6;
         double gain = variance / (variance + LOCATOR_TRACKING_PX * LOCATOR_TRACKING_PX);
         if (!seen[i])
             continue;
-        tag_corner_errors(l, i, tracked, at);
-        tag_corner_errors(l, i, best, fused);
+        tag_corner_errors(locator, i, tracked, at);
+        tag_corner_errors(locator, i, best, fused);
         for (int k = 0; k < 8; k++) {
             t->bias[k] = t->known ? t->bias[k] : at[k];
             t->bias[k] += gain * (at[k] - t->bias[k]) + fused[k] - at[k];
@@ -266,51 +271,51 @@ static void update_tag_biases(struct locator *l, const struct pnp_tag *tags, con
     }
 }
 
-void locator_start_tracks(struct locator *l, const struct pnp_tag *tags, int agree,
+void locator_start_tracks(struct locator *locator, const struct pnp_tag *tags, int agree,
                           const struct pose *camera_from_world, const double covariance[36])
 {
     static const double none[36];
-    klt_pyramid_build(&l->pyramid, l->gray);
-    l->track_count = 0;
-    l->last = *camera_from_world;
-    l->last_motion = l->frame_motion;
-    for (int32_t k = 0; k < l->tag_count; k++)
-        l->tag_tracks[k].known = false;
-    update_tag_biases(l, tags, camera_from_world, camera_from_world);
-    pose_fusion_start(&l->fusion, covariance, none);
-    add_corners(l, tags, camera_from_world);
-    locator_add_landmark_tracks(l, agree, camera_from_world);
-    for (int i = 0; i < l->track_count; i++)
-        l->tracks[i].fused = true;
+    klt_pyramid_build(&locator->pyramid, locator->gray);
+    locator->track_count = 0;
+    locator->last = *camera_from_world;
+    locator->last_motion = locator->frame_motion;
+    for (int32_t k = 0; k < locator->tag_count; k++)
+        locator->tag_tracks[k].known = false;
+    update_tag_biases(locator, tags, camera_from_world, camera_from_world);
+    pose_fusion_start(&locator->fusion, covariance, none);
+    add_corners(locator, tags, camera_from_world);
+    locator_add_landmark_tracks(locator, agree, camera_from_world);
+    for (int i = 0; i < locator->track_count; i++)
+        locator->tracks[i].fused = true;
 }
 
 // Finds the tracks in the new image; those not found are dropped.
-static void find_tracks(struct locator *l, const struct pose *guess)
+static void find_tracks(struct locator *locator, const struct pose *guess)
 {
     double farthest = 0; // of a track from where the guess has it
-    for (int i = 0; i < l->track_count;) {
-        struct point_track *t = &l->tracks[i];
-        struct vec3 before = pose_apply(l->last, t->world), now = pose_apply(*guess, t->world);
-        if (!locator_in_image(&l->lens, before) || !locator_in_image(&l->lens, now)) {
-            locator_drop_track(l, i);
+    for (int i = 0; i < locator->track_count;) {
+        struct point_track *t = &locator->tracks[i];
+        struct vec3 before = pose_apply(locator->last, t->world), now = pose_apply(*guess, t->world);
+        if (!locator_in_image(&locator->lens, before) || !locator_in_image(&locator->lens, now)) {
+            locator_drop_track(locator, i);
             continue;
         }
         // The predicted motion is more accurate than the predicted position.
-        struct pixel a = shutter_project(&l->lens, l->motion ? &l->last_motion : NULL, before),
-                     b = shutter_project(&l->lens, l->motion, now);
+        struct pixel a = shutter_project(&locator->lens, locator->motion ? &locator->last_motion : NULL, before),
+                     b = shutter_project(&locator->lens, locator->motion, now);
         const struct pixel guessed = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
         struct pixel at = guessed;
         bool near_guess = i >= GOOD_GUESS_TRACKS && farthest < GOOD_GUESS_PX;
-        if (!(near_guess && klt_patch_track(&l->pyramid, &t->patch, true, &at)) &&
-            !klt_patch_track(&l->pyramid, &t->patch, false, &at)) {
-            locator_drop_track(l, i);
+        if (!(near_guess && klt_patch_track(&locator->pyramid, &t->patch, true, &at)) &&
+            !klt_patch_track(&locator->pyramid, &t->patch, false, &at)) {
+            locator_drop_track(locator, i);
             continue;
         }
         if (!near_guess)
             farthest = fmax(farthest, hypot(at.x - guessed.x, at.y - guessed.y));
         t->at = at;
-        t->ray = lens_ray(&l->lens, at);
-        t->time_s = shutter_row_time(&l->lens, at.y);
+        t->ray = lens_ray(&locator->lens, at);
+        t->time_s = shutter_row_time(&locator->lens, at.y);
         i++;
     }
 }
@@ -325,41 +330,42 @@ enum constraint_set {
 
 // Standard deviation by which a track's bias changes in the next image, pixels: the landmark's distance in the map is
 // about as accurate as a depth sample, and it is now seen from elsewhere.
-static double change_px(const struct locator *l, const struct point_track *t, const struct pose *camera_from_world)
+static double change_px(const struct locator *locator, const struct point_track *track,
+                        const struct pose *camera_from_world)
 {
-    struct vec3 from = v3_sub(pose_inverse(*camera_from_world).translation, t->world),
-                before = v3_sub(pose_inverse(l->last).translation, t->world);
+    struct vec3 from = v3_sub(pose_inverse(*camera_from_world).translation, track->world),
+                before = v3_sub(pose_inverse(locator->last).translation, track->world);
     double z = v3_length(from), aside = v3_length(v3_cross(from, before)) / (z * v3_length(before));
-    return hypot(CHANGE_PX, l->lens.fx / z * depth_absolute_sigma_m(z) * aside);
+    return hypot(CHANGE_PX, locator->lens.fx / z * depth_absolute_sigma_m(z) * aside);
 }
 
 // The tracks as points of a pose problem. Returns how many.
-static int make_constraints(const struct locator *l, const uint16_t *depth, enum constraint_set what,
+static int make_constraints(const struct locator *locator, const uint16_t *depth, enum constraint_set what,
                             const struct pose *camera_from_world, struct pnp_point *out)
 {
     int count = 0;
-    for (int i = 0; i < l->track_count; i++) {
-        const struct point_track *t = &l->tracks[i];
+    for (int i = 0; i < locator->track_count; i++) {
+        const struct point_track *t = &locator->tracks[i];
         if ((t->point < 0 && !(what & TAG_CORNERS)) || ((what & FUSED) && !t->fused))
             continue;
         struct pnp_point *p = &out[count++];
         *p = (struct pnp_point){.world = t->world, .x = t->ray.x, .y = t->ray.y, .time_s = t->time_s};
         if (depth && t->point >= 0) {
-            p->z = feature_depth(&l->lens, depth, t->at);
-            p->z_variance = landmark_depth_variance(&l->points[t->point], camera_from_world);
+            p->z = feature_depth(&locator->lens, depth, t->at);
+            p->z_variance = landmark_depth_variance(&locator->points[t->point], camera_from_world);
         }
         memcpy(p->covariance, t->seen, sizeof p->covariance);
         if (what & UNBIASED) {
-            p->x -= t->bias[0] / l->lens.fx;
-            p->y -= t->bias[1] / l->lens.fy;
+            p->x -= t->bias[0] / locator->lens.fx;
+            p->y -= t->bias[1] / locator->lens.fy;
             p->sigma_px = sqrt(t->bias_variance);
             memcpy(p->covariance, t->noise, sizeof p->covariance);
         }
         if (what & (NOISE | DRIFT)) {
-            struct vec3 at = locator_point_in_camera(l, camera_from_world, t->world, t->time_s);
+            struct vec3 at = locator_point_in_camera(locator, camera_from_world, t->world, t->time_s);
             p->x = at.x / at.z;
             p->y = at.y / at.z;
-            p->sigma_px = what & NOISE ? 0 : change_px(l, t, camera_from_world);
+            p->sigma_px = what & NOISE ? 0 : change_px(locator, t, camera_from_world);
             memset(p->covariance, 0, sizeof p->covariance);
             if (what & NOISE)
                 memcpy(p->covariance, t->noise, sizeof p->covariance);
@@ -369,18 +375,19 @@ static int make_constraints(const struct locator *l, const uint16_t *depth, enum
 }
 
 // Drops the tracks that disagree with the pose. Returns how many landmarks are left.
-static int drop_outliers(struct locator *l, const struct pose *camera_from_world)
+static int drop_outliers(struct locator *locator, const struct pose *camera_from_world)
 {
     int points = 0;
-    for (int i = 0; i < l->track_count;) {
-        const struct point_track *t = &l->tracks[i];
+    for (int i = 0; i < locator->track_count;) {
+        const struct point_track *t = &locator->tracks[i];
         struct pnp_point p = {.world = t->world,
                               .x = t->ray.x,
                               .y = t->ray.y,
                               .covariance = {t->seen[0], t->seen[1], t->seen[2]},
                               .time_s = t->time_s};
-        if (!(pnp_point_error(&p, l->motion, camera_from_world, l->lens.fx, l->lens.fy) < OUTLIER_SIGMA)) {
-            locator_drop_track(l, i);
+        if (!(pnp_point_error(&p, locator->motion, camera_from_world, locator->lens.fx, locator->lens.fy) <
+              OUTLIER_SIGMA)) {
+            locator_drop_track(locator, i);
             continue;
         }
         points += t->point >= 0;
@@ -390,24 +397,24 @@ static int drop_outliers(struct locator *l, const struct pose *camera_from_world
 }
 
 // Updates each track's bias by the tracks' pose, and makes it relative to `best`, the fused pose.
-static void update_track_biases(struct locator *l, const struct pose *tracked, const struct pose *best)
+static void update_track_biases(struct locator *locator, const struct pose *tracked, const struct pose *best)
 {
-    for (int i = 0; i < l->track_count; i++) {
-        struct point_track *t = &l->tracks[i];
-        struct vec3 p = locator_point_in_camera(l, tracked, t->world, t->time_s),
-                    q = locator_point_in_camera(l, best, t->world, t->time_s);
-        double change = change_px(l, t, tracked), variance = t->bias_variance + change * change;
+    for (int i = 0; i < locator->track_count; i++) {
+        struct point_track *t = &locator->tracks[i];
+        struct vec3 p = locator_point_in_camera(locator, tracked, t->world, t->time_s),
+                    q = locator_point_in_camera(locator, best, t->world, t->time_s);
+        double change = change_px(locator, t, tracked), variance = t->bias_variance + change * change;
         double gain = variance / (variance + (t->noise[0] + t->noise[2]) / 2);
-        double off_x = l->lens.fx * (t->ray.x - p.x / p.z) - t->bias[0],
-               off_y = l->lens.fy * (t->ray.y - p.y / p.z) - t->bias[1];
+        double off_x = locator->lens.fx * (t->ray.x - p.x / p.z) - t->bias[0],
+               off_y = locator->lens.fy * (t->ray.y - p.y / p.z) - t->bias[1];
         // squared innovation, less what the bias's own uncertainty explains
         const double now[3] = {fmax(off_x * off_x * (1 - gain), MIN_TRACKING_PX * MIN_TRACKING_PX),
                                off_x * off_y * (1 - gain),
                                fmax(off_y * off_y * (1 - gain), MIN_TRACKING_PX * MIN_TRACKING_PX)};
         for (int k = 0; k < 3; k++)
             t->noise[k] += (now[k] - t->noise[k]) / NOISE_FRAMES;
-        t->bias[0] += gain * off_x + l->lens.fx * (p.x / p.z - q.x / q.z);
-        t->bias[1] += gain * off_y + l->lens.fy * (p.y / p.z - q.y / q.z);
+        t->bias[0] += gain * off_x + locator->lens.fx * (p.x / p.z - q.x / q.z);
+        t->bias[1] += gain * off_y + locator->lens.fy * (p.y / p.z - q.y / q.z);
         t->bias_variance = (1 - gain) * variance;
         t->fused = true;
     }
@@ -415,25 +422,25 @@ static void update_track_biases(struct locator *l, const struct pose *tracked, c
 
 // Prepares the tracks for the next image: corners of the tags, patches as they look from here, and new landmarks where
 // few are left.
-static enum status prepare_next_frame(struct locator *l, const struct pnp_tag *tags, const uint16_t *depth,
+static enum status prepare_next_frame(struct locator *locator, const struct pnp_tag *tags, const uint16_t *depth,
                                       const struct pose *camera_from_world)
 {
     struct vec3 eye = pose_inverse(*camera_from_world).translation;
-    for (int i = 0; i < l->track_count;) {
-        struct point_track *t = &l->tracks[i];
+    for (int i = 0; i < locator->track_count;) {
+        struct point_track *t = &locator->tracks[i];
         struct vec3 from = v3_sub(eye, t->world);
         bool changed = t->point >= 0 && v3_distance(from, t->template_view) > NEW_TEMPLATE_ANGLE * v3_length(from);
         if (changed)
             t->template_view = from;
-        if (t->point < 0 || (changed && !klt_patch_extract(&l->pyramid, t->at, &t->patch)))
-            locator_drop_track(l, i);
+        if (t->point < 0 || (changed && !klt_patch_extract(&locator->pyramid, t->at, &t->patch)))
+            locator_drop_track(locator, i);
         else
             i++;
     }
-    l->last = *camera_from_world;
-    l->last_motion = l->frame_motion;
-    enum status status = locator_activate_landmarks(l, depth, camera_from_world);
-    add_corners(l, tags, camera_from_world);
+    locator->last = *camera_from_world;
+    locator->last_motion = locator->frame_motion;
+    enum status status = locator_activate_landmarks(locator, depth, camera_from_world);
+    add_corners(locator, tags, camera_from_world);
     return status;
 }
 
@@ -444,32 +451,32 @@ struct known_tags {
 };
 
 // The tags that were also in the last image, less their biases.
-static void correct_tags(struct locator *l, const struct pnp_tag *tags, struct known_tags *known)
+static void correct_tags(struct locator *locator, const struct pnp_tag *tags, struct known_tags *known)
 {
     struct pnp_tag *out = known->tags;
     int count = 0;
-    for (int i = 0; i < l->observed_count; i++) {
-        const struct tag_track *t = &l->tag_tracks[l->observed_tag[i]];
+    for (int i = 0; i < locator->observed_count; i++) {
+        const struct tag_track *t = &locator->tag_tracks[locator->observed_tag[i]];
         if (!t->known || !tags[i].used)
             continue;
-        l->corrected[count] = l->observations[i];
+        locator->corrected[count] = locator->observations[i];
         for (int k = 0; k < 4; k++) {
-            l->corrected[count].ray[k].x -= t->bias[2 * k] / l->lens.fx;
-            l->corrected[count].ray[k].y -= t->bias[2 * k + 1] / l->lens.fy;
+            locator->corrected[count].ray[k].x -= t->bias[2 * k] / locator->lens.fx;
+            locator->corrected[count].ray[k].y -= t->bias[2 * k + 1] / locator->lens.fy;
         }
         out[count] = tags[i];
         out[count].depth = NULL;
         out[count].covariance = NULL; // the map's error is part of the bias
-        out[count].seen = &l->corrected[count];
+        out[count].seen = &locator->corrected[count];
         count++;
     }
     known->count = count;
 }
 
-static struct pose_problem tracks_problem(const struct locator *l, struct known_tags *known,
+static struct pose_problem tracks_problem(const struct locator *locator, struct known_tags *known,
                                           const struct pnp_point *points, int point_count)
 {
-    struct pose_problem problem = locator_problem(l, known->tags, points, point_count);
+    struct pose_problem problem = locator_problem(locator, known->tags, points, point_count);
     problem.tag_count = known->count;
     return problem;
 }
@@ -484,22 +491,23 @@ static void pose_difference(const struct pose *from, const struct pose *to, doub
 }
 
 // That part of the information of the map's pose that the last image had, too.
-static void shared_information(const struct locator *l, const uint16_t *depth, struct pnp_tag *tags,
+static void shared_information(const struct locator *locator, const uint16_t *depth, struct pnp_tag *tags,
                                const struct pose *map, struct pose_measurement *measurement)
 {
     struct pnp_point points[LOCATOR_MAX_TRACKS];
     struct pnp_tag old[PNP_MAX_TAGS];
     double all[36], inverse[36];
     memset(measurement->map_information, 0, sizeof measurement->map_information);
-    struct pose_problem problem = locator_problem(l, tags, points, make_constraints(l, depth, 0, map, points));
+    struct pose_problem problem =
+        locator_problem(locator, tags, points, make_constraints(locator, depth, 0, map, points));
     pnp_information(&problem, map, all);
     if (!invert_symmetric(all, 6, inverse))
         return;
-    for (int i = 0; i < l->observed_count; i++) {
+    for (int i = 0; i < locator->observed_count; i++) {
         old[i] = tags[i];
-        old[i].used = tags[i].used && l->tag_tracks[l->observed_tag[i]].known;
+        old[i].used = tags[i].used && locator->tag_tracks[locator->observed_tag[i]].known;
     }
-    problem = locator_problem(l, old, points, make_constraints(l, depth, FUSED, map, points));
+    problem = locator_problem(locator, old, points, make_constraints(locator, depth, FUSED, map, points));
     pnp_information(&problem, map, measurement->map_information);
     for (int i = 0; i < 36; i++) // the scale of pnp_covariance's residuals holds for both
         measurement->map_information[i] *= inverse[0] / measurement->map_covariance[0];
@@ -507,16 +515,17 @@ static void shared_information(const struct locator *l, const uint16_t *depth, s
 
 // Covariances of the tracks' pose: noise, independent from image to image, and drift, which adds up. known: the tags
 // without biases. new_share: of the landmarks, those that are new. False: the tracks leave a motion undetermined.
-static bool tracking_covariance(const struct locator *l, struct known_tags *known, double new_share,
+static bool tracking_covariance(const struct locator *locator, struct known_tags *known, double new_share,
                                 const struct pose *tracked, struct pose_measurement *measurement)
 {
     struct pnp_point points[LOCATOR_MAX_TRACKS];
     double information[36];
-    struct pose_problem problem = tracks_problem(l, known, points, make_constraints(l, NULL, NOISE, tracked, points));
+    struct pose_problem problem =
+        tracks_problem(locator, known, points, make_constraints(locator, NULL, NOISE, tracked, points));
     pnp_information(&problem, tracked, information);
     if (!invert_symmetric(information, 6, measurement->noise))
         return false;
-    problem = tracks_problem(l, known, points, make_constraints(l, NULL, DRIFT, tracked, points));
+    problem = tracks_problem(locator, known, points, make_constraints(locator, NULL, DRIFT, tracked, points));
     pnp_information(&problem, tracked, information);
     if (!invert_symmetric(information, 6, measurement->drift))
         return false;
@@ -527,90 +536,92 @@ static bool tracking_covariance(const struct locator *l, struct known_tags *know
 }
 
 // The velocity from the tracks becomes the prior for the map's pose.
-static void update_velocity_prior(struct locator *l, struct known_tags *known, const struct pose *tracked)
+static void update_velocity_prior(struct locator *locator, struct known_tags *known, const struct pose *tracked)
 {
     struct pnp_point points[LOCATOR_MAX_TRACKS];
     const struct pose_problem problem =
-        tracks_problem(l, known, points, make_constraints(l, NULL, UNBIASED, tracked, points));
+        tracks_problem(locator, known, points, make_constraints(locator, NULL, UNBIASED, tracked, points));
     pnp_update_velocity_prior(&problem, tracked);
 }
 
 // Fuses the tracks' pose with the one that the map gives by itself. False: what is in view leaves a motion
 // undetermined.
-static bool fuse_with_map(struct locator *l, const uint16_t *depth, struct pnp_tag *tags, const struct pose *tracked,
-                          struct pose_measurement *measurement, struct pose *best)
+static bool fuse_with_map(struct locator *locator, const uint16_t *depth, struct pnp_tag *tags,
+                          const struct pose *tracked, struct pose_measurement *measurement, struct pose *best)
 {
     struct pnp_point points[LOCATOR_MAX_TRACKS];
     double by[6];
     struct pose map = *tracked;
-    struct shutter_motion moving = l->frame_motion;
-    struct pose_problem problem = locator_problem(l, tags, points, make_constraints(l, depth, 0, tracked, points));
-    problem.motion = l->motion ? &moving : NULL;
+    struct shutter_motion moving = locator->frame_motion;
+    struct pose_problem problem =
+        locator_problem(locator, tags, points, make_constraints(locator, depth, 0, tracked, points));
+    problem.motion = locator->motion ? &moving : NULL;
     pnp_refine(&problem, &map);
     if (!pose_finite(map) || !pnp_covariance(&problem, &map, measurement->map_covariance))
         return false;
-    shared_information(l, depth, tags, &map, measurement);
+    shared_information(locator, depth, tags, &map, measurement);
     pose_difference(tracked, &map, measurement->offset);
-    if (!pose_fusion_update(&l->fusion, measurement, by))
+    if (!pose_fusion_update(&locator->fusion, measurement, by))
         return false;
     struct pose small = {quat_from_rotation_vector(v3(by[0], by[1], by[2])), {by[3], by[4], by[5]}};
     *best = pose_multiply(small, *tracked);
     return pose_finite(*best);
 }
 
-bool locator_track_patches(struct locator *l, const struct pose *camera_from_world)
+bool locator_track_patches(struct locator *locator, const struct pose *camera_from_world)
 {
-    int before = l->track_count;
+    int before = locator->track_count;
     if (!before)
         return false;
-    klt_pyramid_build(&l->pyramid, l->gray);
-    find_tracks(l, camera_from_world);
-    return l->track_count >= 4 && 3 * l->track_count >= before;
+    klt_pyramid_build(&locator->pyramid, locator->gray);
+    find_tracks(locator, camera_from_world);
+    return locator->track_count >= 4 && 3 * locator->track_count >= before;
 }
 
 // The pose by the tracks alone: roughly by tag corners and landmarks, then with the tags observed around it. tags,
 // known: filled. Returns how many landmarks agree; 0: too few.
-static int solve_tracks_alone(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pnp_tag *tags,
-                              struct known_tags *known, struct pose *pose)
+static int solve_tracks_alone(struct locator *locator, const uint8_t *color, const uint16_t *depth,
+                              struct pnp_tag *tags, struct known_tags *known, struct pose *pose)
 {
     struct pnp_point points[LOCATOR_MAX_TRACKS];
     int corners = 0;
     struct pose_problem problem =
-        locator_problem(l, NULL, points, make_constraints(l, depth, TAG_CORNERS | UNBIASED, pose, points));
+        locator_problem(locator, NULL, points, make_constraints(locator, depth, TAG_CORNERS | UNBIASED, pose, points));
     for (problem.point_px = 8; problem.point_px > 0.4; problem.point_px /= 4)
         pnp_refine(&problem, pose);
-    for (int i = 0; i < l->track_count; i++)
-        corners += l->tracks[i].point < 0;
+    for (int i = 0; i < locator->track_count; i++)
+        corners += locator->tracks[i].point < 0;
     int each = TAG_SAMPLES / (corners / 4 + 1);
-    l->observed_count = 0;
-    locator_detect_predicted(l, color, depth, pose, each > MIN_TAG_SAMPLES ? each : MIN_TAG_SAMPLES, NULL);
-    locator_pnp_tags(l, tags);
-    drop_outliers(l, pose);
-    locator_select_inlier_tags(l, tags, l->motion, pose);
-    correct_tags(l, tags, known);
-    problem = tracks_problem(l, known, points, make_constraints(l, NULL, UNBIASED, pose, points));
+    locator->observed_count = 0;
+    locator_detect_predicted(locator, color, depth, pose, each > MIN_TAG_SAMPLES ? each : MIN_TAG_SAMPLES, NULL);
+    locator_pnp_tags(locator, tags);
+    drop_outliers(locator, pose);
+    locator_select_inlier_tags(locator, tags, locator->motion, pose);
+    correct_tags(locator, tags, known);
+    problem = tracks_problem(locator, known, points, make_constraints(locator, NULL, UNBIASED, pose, points));
     pnp_refine(&problem, pose);
-    int agree = drop_outliers(l, pose);
+    int agree = drop_outliers(locator, pose);
     return !pose_finite(*pose) || agree < MIN_TRACKS || 2 * agree < problem.point_count ? 0 : agree;
 }
 
 // The share of the landmarks that are not yet fused.
-static double new_track_share(const struct locator *l, int agree)
+static double new_track_share(const struct locator *locator, int agree)
 {
     double fused = 0;
-    for (int i = 0; i < l->track_count; i++)
-        fused += l->tracks[i].point >= 0 && l->tracks[i].fused;
+    for (int i = 0; i < locator->track_count; i++)
+        fused += locator->tracks[i].point >= 0 && locator->tracks[i].fused;
     return 1 - fused / agree;
 }
 
 // Adds the image to the estimate of an uncertain focal length, and that uncertainty to the covariance.
-static void account_for_focal_length(struct locator *l, struct pnp_tag *tags, const struct pose *pose,
+static void account_for_focal_length(struct locator *locator, struct pnp_tag *tags, const struct pose *pose,
                                      double covariance[36])
 {
     struct pnp_point points[LOCATOR_MAX_TRACKS];
-    const struct pose_problem problem = locator_problem(l, tags, points, make_constraints(l, NULL, 0, pose, points));
-    locator_observe_focal(l, &problem, pose);
-    locator_add_focal_variance(l, &problem, pose, covariance);
+    const struct pose_problem problem =
+        locator_problem(locator, tags, points, make_constraints(locator, NULL, 0, pose, points));
+    locator_observe_focal(locator, &problem, pose);
+    locator_add_focal_variance(locator, &problem, pose, covariance);
 }
 
 enum status locator_solve_tracks(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose pose,

@@ -29,7 +29,7 @@ static struct range range_of(enum tflite_activation activation)
                           activation == TFLITE_RELU6 ? 6 : HUGE_VALF};
 }
 
-static float clamp(float x, struct range r) { return clamp_float(x, r.low, r.high); }
+static float clamp(float x, struct range range) { return clamp_float(x, range.low, range.high); }
 
 // out[pixel][channel] = bias[channel] + the sum over k of in[pixel][k] weights[k][channel], k rising.
 struct product {
@@ -54,14 +54,16 @@ struct taps {
     int first_row, end_row, first_column, end_column;
 };
 
-static float depthwise_channel(const struct depthwise *d, const struct taps *t, int c)
+static float depthwise_channel(const struct depthwise *depthwise, const struct taps *taps, int c)
 {
-    float sum = d->bias[c];
-    for (int j = t->first_row; j < t->end_row; j++)
-        for (int i = t->first_column; i < t->end_column; i++)
-            sum += d->in[t->offset + (ptrdiff_t)j * d->row_stride + (ptrdiff_t)i * d->channels + c] *
-                   d->weights[(ptrdiff_t)j * d->weight_stride + (ptrdiff_t)i * d->channels + c];
-    return clamp(sum, d->range);
+    float sum = depthwise->bias[c];
+    for (int j = taps->first_row; j < taps->end_row; j++)
+        for (int i = taps->first_column; i < taps->end_column; i++)
+            sum +=
+                depthwise
+                    ->in[taps->offset + (ptrdiff_t)j * depthwise->row_stride + (ptrdiff_t)i * depthwise->channels + c] *
+                depthwise->weights[(ptrdiff_t)j * depthwise->weight_stride + (ptrdiff_t)i * depthwise->channels + c];
+    return clamp(sum, depthwise->range);
 }
 
 #define KERNEL(name) name##_4
@@ -76,74 +78,78 @@ static float depthwise_channel(const struct depthwise *d, const struct taps *t, 
 static bool has_wide_vectors(void) { return __builtin_cpu_supports("avx2"); }
 #endif
 
-static void multiply(const struct product *p)
+static void multiply_blocks(const struct product *product)
 {
     void (*block)(const struct product *, int, int) = product_block_4;
 #if defined(__x86_64__)
     if (has_wide_vectors())
         block = product_block_8;
 #endif
-    for (int c = 0; c < p->channels; c += CHANNELS)
-        for (int i = 0; i < p->pixels; i += PIXELS)
-            block(p, c, i);
+    for (int c = 0; c < product->channels; c += CHANNELS)
+        for (int i = 0; i < product->pixels; i += PIXELS)
+            block(product, c, i);
 }
 
 static int at_least(int a, int b) { return a > b ? a : b; }
 static int at_most(int a, int b) { return a < b ? a : b; }
 
-static void convolve_depthwise(const struct depthwise *d)
+static void convolve_depthwise(const struct depthwise *depthwise)
 {
     void (*pixel)(const struct depthwise *, const struct taps *, float *) = depthwise_pixel_4;
 #if defined(__x86_64__)
     if (has_wide_vectors())
         pixel = depthwise_pixel_8;
 #endif
-    float *out = d->out;
-    for (int y = 0; y < d->out_height; y++)
-        for (int x = 0; x < d->out_width; x++, out += d->channels) {
-            const int top = y * d->stride_y - d->pad_y, left = x * d->stride_x - d->pad_x;
+    float *out = depthwise->out;
+    for (int y = 0; y < depthwise->out_height; y++)
+        for (int x = 0; x < depthwise->out_width; x++, out += depthwise->channels) {
+            const int top = y * depthwise->stride_y - depthwise->pad_y,
+                      left = x * depthwise->stride_x - depthwise->pad_x;
             const struct taps taps = {
-                .offset = top * d->row_stride + (ptrdiff_t)left * d->channels,
+                .offset = top * depthwise->row_stride + (ptrdiff_t)left * depthwise->channels,
                 .first_row = at_least(0, -top),
-                .end_row = at_most(d->down, d->height - top),
+                .end_row = at_most(depthwise->down, depthwise->height - top),
                 .first_column = at_least(0, -left),
-                .end_column = at_most(d->across, d->width - left),
+                .end_column = at_most(depthwise->across, depthwise->width - left),
             };
-            pixel(d, &taps, out);
+            pixel(depthwise, &taps, out);
         }
 }
 
 // ---------------------------------------------------------------- operators
 
-static const struct tflite_tensor *tensor(const struct network *n, int i) { return &n->model.tensors[i]; }
+static const struct tflite_tensor *tensor_at(const struct network *network, int i)
+{
+    return &network->model.tensors[i];
+}
 
 // How many channels whole blocks have.
 static size_t packed_channels(int channels) { return ((size_t)channels + CHANNELS - 1) / CHANNELS * CHANNELS; }
 
 // A tensor's values, whether constant or computed.
-static const float *values_of(const struct network *n, int i)
+static const float *values_of(const struct network *network, int i)
 {
-    return tensor(n, i)->values ? tensor(n, i)->values : n->values[i];
+    return tensor_at(network, i)->values ? tensor_at(network, i)->values : network->values[i];
 }
 
 // How far "same" padding reaches before the first row or column: half of what is missing, rounded down.
-static int pad_before(const struct tflite_operator *o, int in, int out, int filter, int stride)
+static int pad_before(const struct tflite_operator *operator, int in, int out, int filter, int stride)
 {
     const int missing = (out - 1) * stride + filter - in;
-    return o->valid_padding || missing < 0 ? 0 : missing / 2;
+    return operator->valid_padding || missing<0 ? 0 : missing / 2;
 }
 
-static void gather_patches(const struct tflite_operator *o, const struct tflite_tensor *in, const float *values,
+static void gather_patches(const struct tflite_operator *operator, const struct tflite_tensor * in, const float *values,
                            const struct tflite_tensor *filter, const struct tflite_tensor *out, float *patch)
 {
     const int height = in->size[1], width = in->size[2], channels = in->size[3];
     const int down = filter->size[1], across = filter->size[2];
-    const int pad_y = pad_before(o, height, out->size[1], down, o->stride_y);
-    const int pad_x = pad_before(o, width, out->size[2], across, o->stride_x);
+    const int pad_y = pad_before(operator, height, out->size[1], down, operator->stride_y);
+    const int pad_x = pad_before(operator, width, out->size[2], across, operator->stride_x);
     for (int i = 0; i < out->size[1] * out->size[2] * down * across; i++, patch += channels) {
         const int tap = i % (down * across), at = i / (down * across);
-        const int x = at % out->size[2] * o->stride_x - pad_x + tap % across;
-        const int y = at / out->size[2] * o->stride_y - pad_y + tap / across;
+        const int x = at % out->size[2] * operator->stride_x - pad_x + tap % across;
+        const int y = at / out->size[2] * operator->stride_y - pad_y + tap / across;
         if (x < 0 || y < 0 || x >= width || y >= height)
             memset(patch, 0, sizeof *patch * (size_t)channels);
         else
@@ -152,31 +158,32 @@ static void gather_patches(const struct tflite_operator *o, const struct tflite_
     }
 }
 
-static void run_convolution(struct network *n, int which)
+static void run_convolution(struct network *network, int which)
 {
-    const struct tflite_operator *o = &n->model.operators[which];
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *filter = tensor(n, o->input[1]);
-    const struct tflite_tensor *out = tensor(n, o->output);
-    const float *values = values_of(n, o->input[0]);
+    const struct tflite_operator *o = &network->model.operators[which];
+    const struct tflite_tensor *in = tensor_at(network, o->input[0]), *filter = tensor_at(network, o->input[1]);
+    const struct tflite_tensor *out = tensor_at(network, o->output);
+    const float *values = values_of(network, o->input[0]);
     const bool pointwise = filter->size[1] == 1 && filter->size[2] == 1 && o->stride_x == 1 && o->stride_y == 1;
     if (!pointwise)
-        gather_patches(o, in, values, filter, out, n->patches);
-    multiply(&(struct product){
+        gather_patches(o, in, values, filter, out, network->patches);
+    multiply_blocks(&(struct product){
         .pixels = out->size[1] * out->size[2],
         .channels = out->size[3],
         .depth = filter->size[1] * filter->size[2] * filter->size[3],
-        .in = pointwise ? values : n->patches,
-        .weights = n->weights[which] + packed_channels(out->size[3]),
-        .bias = n->weights[which],
+        .in = pointwise ? values : network->patches,
+        .weights = network->weights[which] + packed_channels(out->size[3]),
+        .bias = network->weights[which],
         .range = range_of(o->activation),
-        .out = n->values[o->output],
+        .out = network->values[o->output],
     });
 }
 
-static void run_depthwise(struct network *n, const struct tflite_operator *o)
+static void run_depthwise(struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *filter = tensor(n, o->input[1]);
-    const struct tflite_tensor *out = tensor(n, o->output);
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *filter = tensor_at(network, operator->input[1]);
+    const struct tflite_tensor *out = tensor_at(network, operator->output);
     convolve_depthwise(&(struct depthwise){
         .channels = in->size[3],
         .width = in->size[2],
@@ -185,39 +192,42 @@ static void run_depthwise(struct network *n, const struct tflite_operator *o)
         .out_height = out->size[1],
         .across = filter->size[2],
         .down = filter->size[1],
-        .stride_x = o->stride_x,
-        .stride_y = o->stride_y,
-        .pad_x = pad_before(o, in->size[2], out->size[2], filter->size[2], o->stride_x),
-        .pad_y = pad_before(o, in->size[1], out->size[1], filter->size[1], o->stride_y),
+        .stride_x = operator->stride_x,
+        .stride_y = operator->stride_y,
+        .pad_x = pad_before(operator, in->size[2], out->size[2], filter->size[2], operator->stride_x),
+        .pad_y = pad_before(operator, in->size[1], out->size[1], filter->size[1], operator->stride_y),
         .row_stride = (ptrdiff_t)in->size[2] * in->size[3],
         .weight_stride = (ptrdiff_t)filter->size[2] * in->size[3],
-        .in = values_of(n, o->input[0]),
+        .in = values_of(network, operator->input[0]),
         .weights = filter->values,
-        .bias = tensor(n, o->input[2])->values,
-        .range = range_of(o->activation),
-        .out = n->values[o->output],
+        .bias = tensor_at(network, operator->input[2])->values,
+        .range = range_of(operator->activation),
+        .out = network->values[operator->output],
     });
 }
 
-static void run_max_pool(struct network *n, const struct tflite_operator *o)
+static void run_max_pool(struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *out = tensor(n, o->output);
-    const float *values = values_of(n, o->input[0]);
-    const int channels = in->size[3], pad_y = pad_before(o, in->size[1], out->size[1], o->filter_y, o->stride_y);
-    const int pad_x = pad_before(o, in->size[2], out->size[2], o->filter_x, o->stride_x);
-    float *to = n->values[o->output];
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *out = tensor_at(network, operator->output);
+    const float *values = values_of(network, operator->input[0]);
+    const int channels = in->size[3],
+              pad_y = pad_before(operator, in->size[1], out->size[1], operator->filter_y, operator->stride_y);
+    const int pad_x = pad_before(operator, in->size[2], out->size[2], operator->filter_x, operator->stride_x);
+    float *to = network->values[operator->output];
     for (int i = 0; i < out->size[1] * out->size[2] * channels; i++) {
         const int c = i % channels, x = i / channels % out->size[2], y = i / channels / out->size[2];
-        float most = -HUGE_VALF;
-        for (int tap = 0; tap < o->filter_x * o->filter_y; tap++) {
-            const int u = x * o->stride_x - pad_x + tap % o->filter_x, v = y * o->stride_y - pad_y + tap / o->filter_x;
+        float max = -HUGE_VALF;
+        for (int tap = 0; tap < operator->filter_x * operator->filter_y; tap++) {
+            const int u = x * operator->stride_x - pad_x + tap % operator->filter_x,
+                      v = y * operator->stride_y - pad_y + tap / operator->filter_x;
             if (u >= 0 && v >= 0 && u < in->size[2] && v < in->size[1]) {
                 const float value =
                     values[((size_t)v * (size_t)in->size[2] + (size_t)u) * (size_t)channels + (size_t)c];
-                most = value > most ? value : most;
+                max = value > max ? value : max;
             }
         }
-        to[i] = clamp(most, range_of(o->activation));
+        to[i] = clamp(max, range_of(operator->activation));
     }
 }
 
@@ -236,16 +246,17 @@ static struct between between_of(int i, int in, int out, bool half_pixel_centers
     return (struct between){first, first + 1 < in ? first + 1 : first, at - (float)first};
 }
 
-static void run_resize(struct network *n, const struct tflite_operator *o)
+static void run_resize(struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *out = tensor(n, o->output);
-    const float *values = values_of(n, o->input[0]);
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *out = tensor_at(network, operator->output);
+    const float *values = values_of(network, operator->input[0]);
     const size_t channels = (size_t)in->size[3], width = (size_t)in->size[2];
-    float *to = n->values[o->output];
+    float *to = network->values[operator->output];
     for (int y = 0; y < out->size[1]; y++) {
-        const struct between v = between_of(y, in->size[1], out->size[1], o->half_pixel_centers);
+        const struct between v = between_of(y, in->size[1], out->size[1], operator->half_pixel_centers);
         for (int x = 0; x < out->size[2]; x++, to += channels) {
-            const struct between u = between_of(x, in->size[2], out->size[2], o->half_pixel_centers);
+            const struct between u = between_of(x, in->size[2], out->size[2], operator->half_pixel_centers);
             const float *a = values + ((size_t)v.first * width + (size_t)u.first) * channels;
             const float *b = values + ((size_t)v.first * width + (size_t)u.second) * channels;
             const float *c = values + ((size_t)v.second * width + (size_t)u.first) * channels;
@@ -258,12 +269,13 @@ static void run_resize(struct network *n, const struct tflite_operator *o)
     }
 }
 
-static void run_pad(struct network *n, const struct tflite_operator *o)
+static void run_pad(struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *out = tensor(n, o->output);
-    const int32_t *before = tensor(n, o->input[1])->integers; // before and after, of each dimension
-    const float *values = values_of(n, o->input[0]);
-    float *to = n->values[o->output];
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *out = tensor_at(network, operator->output);
+    const int32_t *before = tensor_at(network, operator->input[1])->integers; // before and after, of each dimension
+    const float *values = values_of(network, operator->input[0]);
+    float *to = network->values[operator->output];
     memset(to, 0, sizeof *to * out->count);
     for (int y = 0; y < in->size[1]; y++)
         for (int x = 0; x < in->size[2]; x++, values += in->size[3])
@@ -273,12 +285,13 @@ static void run_pad(struct network *n, const struct tflite_operator *o)
                 values, sizeof *to * (size_t)in->size[3]);
 }
 
-static void run_depth_to_space(struct network *n, const struct tflite_operator *o)
+static void run_depth_to_space(struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *out = tensor(n, o->output);
-    const float *values = values_of(n, o->input[0]);
-    float *to = n->values[o->output];
-    const int block = o->block, channels = out->size[3];
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *out = tensor_at(network, operator->output);
+    const float *values = values_of(network, operator->input[0]);
+    float *to = network->values[operator->output];
+    const int block = operator->block, channels = out->size[3];
     for (int y = 0; y < out->size[1]; y++)
         for (int x = 0; x < out->size[2]; x++, to += channels)
             memcpy(to,
@@ -287,54 +300,55 @@ static void run_depth_to_space(struct network *n, const struct tflite_operator *
                    sizeof *to * (size_t)channels);
 }
 
-static void run_concatenation(struct network *n, const struct tflite_operator *o)
+static void run_concatenation(struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *out = tensor(n, o->output);
-    const int axis = o->axis < 0 ? o->axis + out->dimensions : o->axis;
-    float *to = n->values[o->output];
+    const struct tflite_tensor *out = tensor_at(network, operator->output);
+    const int axis = operator->axis<0 ? operator->axis + out->dimensions : operator->axis;
+    float *to = network->values[operator->output];
     size_t outer = 1;
     for (int d = 0; d < axis; d++)
         outer *= (size_t)out->size[d];
     for (size_t i = 0; i < outer; i++)
-        for (int k = 0; k < o->input_count; k++) {
-            const size_t each = tensor(n, o->input[k])->count / outer;
-            memcpy(to, values_of(n, o->input[k]) + i * each, sizeof *to * each);
+        for (int k = 0; k < operator->input_count; k++) {
+            const size_t each = tensor_at(network, operator->input[k])->count / outer;
+            memcpy(to, values_of(network, operator->input[k]) + i * each, sizeof *to * each);
             to += each;
         }
 }
 
-static void run_add(struct network *n, const struct tflite_operator *o)
+static void run_add(struct network *network, const struct tflite_operator *operator)
 {
-    const float *a = values_of(n, o->input[0]), *b = values_of(n, o->input[1]);
-    const struct range range = range_of(o->activation);
-    float *to = n->values[o->output];
-    for (size_t i = 0; i < tensor(n, o->output)->count; i++)
+    const float *a = values_of(network, operator->input[0]), *b = values_of(network, operator->input[1]);
+    const struct range range = range_of(operator->activation);
+    float *to = network->values[operator->output];
+    for (size_t i = 0; i < tensor_at(network, operator->output)->count; i++)
         to[i] = clamp(a[i] + b[i], range);
 }
 
-static void run_logistic(struct network *n, const struct tflite_operator *o)
+static void run_logistic(struct network *network, const struct tflite_operator *operator)
 {
-    const float *values = values_of(n, o->input[0]);
-    for (size_t i = 0; i < tensor(n, o->output)->count; i++)
-        n->values[o->output][i] = (float)(1 / (1 + portable_exp(-(double)values[i])));
+    const float *values = values_of(network, operator->input[0]);
+    for (size_t i = 0; i < tensor_at(network, operator->output)->count; i++)
+        network->values[operator->output][i] = (float)(1 / (1 + portable_exp(-(double)values[i])));
 }
 
-void network_run(struct network *n)
+void network_run(struct network *network)
 {
-    for (int i = 0; i < n->model.operator_count; i++) {
-        const struct tflite_operator *o = &n->model.operators[i];
+    for (int i = 0; i < network->model.operator_count; i++) {
+        const struct tflite_operator *o = &network->model.operators[i];
         switch (o->kind) {
-        case TFLITE_CONV_2D: run_convolution(n, i); break;
-        case TFLITE_DEPTHWISE_CONV_2D: run_depthwise(n, o); break;
-        case TFLITE_MAX_POOL_2D: run_max_pool(n, o); break;
-        case TFLITE_RESIZE_BILINEAR: run_resize(n, o); break;
-        case TFLITE_PAD: run_pad(n, o); break;
-        case TFLITE_DEPTH_TO_SPACE: run_depth_to_space(n, o); break;
-        case TFLITE_CONCATENATION: run_concatenation(n, o); break;
-        case TFLITE_ADD: run_add(n, o); break;
-        case TFLITE_LOGISTIC: run_logistic(n, o); break;
+        case TFLITE_CONV_2D: run_convolution(network, i); break;
+        case TFLITE_DEPTHWISE_CONV_2D: run_depthwise(network, o); break;
+        case TFLITE_MAX_POOL_2D: run_max_pool(network, o); break;
+        case TFLITE_RESIZE_BILINEAR: run_resize(network, o); break;
+        case TFLITE_PAD: run_pad(network, o); break;
+        case TFLITE_DEPTH_TO_SPACE: run_depth_to_space(network, o); break;
+        case TFLITE_CONCATENATION: run_concatenation(network, o); break;
+        case TFLITE_ADD: run_add(network, o); break;
+        case TFLITE_LOGISTIC: run_logistic(network, o); break;
         case TFLITE_RESHAPE:
-            memcpy(n->values[o->output], values_of(n, o->input[0]), sizeof(float) * tensor(n, o->output)->count);
+            memcpy(network->values[o->output], values_of(network, o->input[0]),
+                   sizeof(float) * tensor_at(network, o->output)->count);
             break;
         case TFLITE_DEQUANTIZE:
         case TFLITE_DENSIFY: break; // folded when it was read
@@ -344,14 +358,14 @@ void network_run(struct network *n)
 
 // ---------------------------------------------------------------- checking
 
-static bool is_image(const struct tflite_tensor *t) { return t->dimensions == 4 && t->size[0] == 1; }
+static bool is_image(const struct tflite_tensor *tensor) { return tensor->dimensions == 4 && tensor->size[0] == 1; }
 
 // What a convolution or pool makes of `in` elements.
-static int out_size(const struct tflite_operator *o, int in, int filter, int stride)
+static int out_size(const struct tflite_operator *operator, int in, int filter, int stride)
 {
     if (stride < 1 || filter < 1 || stride > 64 || filter > 64)
         return -1;
-    return o->valid_padding ? (in - filter + stride) / stride : (in + stride - 1) / stride;
+    return operator->valid_padding ? (in - filter + stride) / stride : (in + stride - 1) / stride;
 }
 
 static bool same_shape(const struct tflite_tensor *a, const struct tflite_tensor *b)
@@ -359,24 +373,25 @@ static bool same_shape(const struct tflite_tensor *a, const struct tflite_tensor
     return a->dimensions == b->dimensions && !memcmp(a->size, b->size, sizeof a->size[0] * (size_t)a->dimensions);
 }
 
-static bool window_fits(const struct tflite_operator *o, const struct tflite_tensor *in,
+static bool window_fits(const struct tflite_operator *operator, const struct tflite_tensor * in,
                         const struct tflite_tensor *out, int across, int down)
 {
-    return is_image(in) && is_image(out) && out->size[1] == out_size(o, in->size[1], down, o->stride_y) &&
-           out->size[2] == out_size(o, in->size[2], across, o->stride_x);
+    return is_image(in) && is_image(out) && out->size[1] == out_size(operator, in->size[1], down, operator->stride_y) &&
+           out->size[2] == out_size(operator, in->size[2], across, operator->stride_x);
 }
 
-static bool weights_fit(const struct network *n, const struct tflite_operator *o)
+static bool weights_fit(const struct network *network, const struct tflite_operator *operator)
 {
-    if (o->input_count < 2 || o->input[1] < 0)
+    if (operator->input_count<2 || operator->input[1]<0)
         return false;
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *out = tensor(n, o->output);
-    const struct tflite_tensor *filter = tensor(n, o->input[1]);
-    const bool depthwise = o->kind == TFLITE_DEPTHWISE_CONV_2D;
-    if (!filter->values || filter->dimensions != 4 || !window_fits(o, in, out, filter->size[2], filter->size[1]))
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *out = tensor_at(network, operator->output);
+    const struct tflite_tensor *filter = tensor_at(network, operator->input[1]);
+    const bool depthwise = operator->kind == TFLITE_DEPTHWISE_CONV_2D;
+    if (!filter->values || filter->dimensions != 4 || !window_fits(operator, in, out, filter->size[2], filter->size[1]))
         return false;
-    if (o->input_count > 2 && o->input[2] >= 0) {
-        const struct tflite_tensor *bias = tensor(n, o->input[2]);
+    if (operator->input_count> 2 && operator->input[2] >= 0) {
+        const struct tflite_tensor *bias = tensor_at(network, operator->input[2]);
         if (!bias->values || bias->count != (size_t)out->size[3])
             return false;
     } else if (depthwise) {
@@ -386,12 +401,13 @@ static bool weights_fit(const struct network *n, const struct tflite_operator *o
                      : filter->size[0] == out->size[3] && filter->size[3] == in->size[3];
 }
 
-static bool padding_fits(const struct network *n, const struct tflite_operator *o)
+static bool padding_fits(const struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *out = tensor(n, o->output);
-    if (o->input_count != 2 || o->input[1] < 0 || !is_image(in) || !is_image(out))
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *out = tensor_at(network, operator->output);
+    if (operator->input_count != 2 || operator->input[1]<0 || !is_image(in) || !is_image(out))
         return false;
-    const struct tflite_tensor *amounts = tensor(n, o->input[1]);
+    const struct tflite_tensor *amounts = tensor_at(network, operator->input[1]);
     bool fits = amounts->integers && amounts->integer_count == 8;
     for (int d = 0; fits && d < 4; d++) {
         const int32_t before = amounts->integers[2 * d], after = amounts->integers[2 * d + 1];
@@ -401,41 +417,44 @@ static bool padding_fits(const struct network *n, const struct tflite_operator *
     return fits;
 }
 
-static bool concatenation_fits(const struct network *n, const struct tflite_operator *o)
+static bool concatenation_fits(const struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *out = tensor(n, o->output);
-    const int axis = o->axis < 0 ? o->axis + out->dimensions : o->axis;
+    const struct tflite_tensor *out = tensor_at(network, operator->output);
+    const int axis = operator->axis<0 ? operator->axis + out->dimensions : operator->axis;
     int together = 0;
     if (axis < 0 || axis >= out->dimensions)
         return false;
-    for (int k = 0; k < o->input_count; k++) {
-        if (o->input[k] < 0 || tensor(n, o->input[k])->dimensions != out->dimensions)
+    for (int k = 0; k < operator->input_count; k++) {
+        if (operator->input[k]<0 || tensor_at(network, operator->input[k])->dimensions != out->dimensions)
             return false;
         for (int d = 0; d < out->dimensions; d++)
-            if (d != axis && tensor(n, o->input[k])->size[d] != out->size[d])
+            if (d != axis && tensor_at(network, operator->input[k])->size[d] != out->size[d])
                 return false;
-        together += tensor(n, o->input[k])->size[axis];
+        together += tensor_at(network, operator->input[k])->size[axis];
     }
     return together == out->size[axis];
 }
 
-static bool shapes_fit(const struct network *n, const struct tflite_operator *o)
+static bool shapes_fit(const struct network *network, const struct tflite_operator *operator)
 {
-    const struct tflite_tensor *in = tensor(n, o->input[0]), *out = tensor(n, o->output);
-    switch (o->kind) {
+    const struct tflite_tensor *in = tensor_at(network, operator->input[0]),
+                               *out = tensor_at(network, operator->output);
+    switch (operator->kind) {
     case TFLITE_CONV_2D:
-    case TFLITE_DEPTHWISE_CONV_2D: return weights_fit(n, o);
-    case TFLITE_MAX_POOL_2D: return window_fits(o, in, out, o->filter_x, o->filter_y) && in->size[3] == out->size[3];
+    case TFLITE_DEPTHWISE_CONV_2D: return weights_fit(network, operator);
+    case TFLITE_MAX_POOL_2D:
+        return window_fits(operator, in, out, operator->filter_x, operator->filter_y) && in->size[3] == out->size[3];
     case TFLITE_RESIZE_BILINEAR: return is_image(in) && is_image(out) && in->size[3] == out->size[3];
-    case TFLITE_PAD: return padding_fits(n, o);
+    case TFLITE_PAD: return padding_fits(network, operator);
     case TFLITE_DEPTH_TO_SPACE:
-        return o->block >= 1 && o->block <= 64 && is_image(in) && is_image(out) &&
-               in->size[3] == out->size[3] * o->block * o->block && out->size[1] == in->size[1] * o->block &&
-               out->size[2] == in->size[2] * o->block;
-    case TFLITE_CONCATENATION: return concatenation_fits(n, o);
+        return operator->block >= 1 && operator->block <= 64 && is_image(in) && is_image(out) &&
+               in->size[3] == out->size[3] * operator->block * operator->block && out->size[1] == in->size[1] *
+                                             operator->block && out->size[2] == in->size[2] *
+                                             operator->block;
+    case TFLITE_CONCATENATION: return concatenation_fits(network, operator);
     case TFLITE_ADD:
-        return o->input_count == 2 && o->input[1] >= 0 && same_shape(in, out) &&
-               same_shape(tensor(n, o->input[1]), out);
+        return operator->input_count == 2 && operator->input[1] >= 0 && same_shape(in, out) &&
+               same_shape(tensor_at(network, operator->input[1]), out);
     case TFLITE_LOGISTIC:
     case TFLITE_RESHAPE: return in->count == out->count;
     case TFLITE_DEQUANTIZE:
@@ -445,40 +464,40 @@ static bool shapes_fit(const struct network *n, const struct tflite_operator *o)
 }
 
 // Only inputs that hold values, each operator's own output once.
-static bool order_fits(const struct network *n, const struct tflite_operator *o, const bool *ready)
+static bool order_fits(const struct network *network, const struct tflite_operator *operator, const bool * ready)
 {
-    for (int k = 0; k < o->input_count; k++) {
-        const int i = o->input[k];
-        const bool amounts = o->kind != TFLITE_ADD && o->kind != TFLITE_CONCATENATION && k > 0;
-        if (i >= 0 && !amounts && !ready[i] && !tensor(n, i)->values)
+    for (int k = 0; k < operator->input_count; k++) {
+        const int i = operator->input[k];
+        const bool amounts = operator->kind != TFLITE_ADD && operator->kind != TFLITE_CONCATENATION && k> 0;
+        if (i >= 0 && !amounts && !ready[i] && !tensor_at(network, i)->values)
             return false;
     }
-    return !ready[o->output] && !tensor(n, o->output)->values && o->output != n->model.input;
+    return !ready[operator->output] && !tensor_at(network, operator->output)->values && operator->output != network->model.input;
 }
 
 // ---------------------------------------------------------------- opening
 
 // Leaves out the operators that no wanted output needs.
-static bool keep_needed(struct tflite_model *m, unsigned outputs)
+static bool keep_needed(struct tflite_model *model, unsigned outputs)
 {
-    bool *needed = calloc((size_t)m->tensor_count, sizeof *needed);
+    bool *needed = calloc((size_t)model->tensor_count, sizeof *needed);
     if (!needed)
         return false;
-    for (int i = 0; i < m->output_count; i++)
+    for (int i = 0; i < model->output_count; i++)
         if (outputs >> i & 1)
-            needed[m->output[i]] = true;
-    int kept = m->operator_count;
-    for (int i = m->operator_count - 1; i >= 0; i--) {
-        const struct tflite_operator *o = &m->operators[i];
+            needed[model->output[i]] = true;
+    int kept = model->operator_count;
+    for (int i = model->operator_count - 1; i >= 0; i--) {
+        const struct tflite_operator *o = &model->operators[i];
         if (!needed[o->output])
             continue;
         for (int k = 0; k < o->input_count; k++)
             if (o->input[k] >= 0)
                 needed[o->input[k]] = true;
-        m->operators[--kept] = *o;
+        model->operators[--kept] = *o;
     }
-    m->operator_count -= kept;
-    memmove(m->operators, m->operators + kept, sizeof *m->operators * (size_t)m->operator_count);
+    model->operator_count -= kept;
+    memmove(model->operators, model->operators + kept, sizeof *model->operators * (size_t)model->operator_count);
     free(needed);
     return true;
 }
@@ -501,49 +520,49 @@ static float *pack_weights(const struct tflite_tensor *filter, const float *bias
     return packed;
 }
 
-static enum status prepare_operator(struct network *n, int which, bool *ready, size_t *patch_values)
+static enum status prepare_operator(struct network *network, int which, bool *ready, size_t *patch_values)
 {
-    const struct tflite_operator *o = &n->model.operators[which];
-    if (!order_fits(n, o, ready) || !shapes_fit(n, o))
+    const struct tflite_operator *o = &network->model.operators[which];
+    if (!order_fits(network, o, ready) || !shapes_fit(network, o))
         return ERR_FORMAT;
     ready[o->output] = true;
-    const struct tflite_tensor *out = tensor(n, o->output);
-    if ((n->computed += out->count) > TFLITE_MOST_VALUES)
+    const struct tflite_tensor *out = tensor_at(network, o->output);
+    if ((network->computed += out->count) > TFLITE_MAX_VALUES)
         return ERR_FORMAT;
-    if (!(n->values[o->output] = malloc(sizeof(float) * out->count)))
+    if (!(network->values[o->output] = malloc(sizeof(float) * out->count)))
         return ERR_MEMORY;
     if (o->kind != TFLITE_CONV_2D)
         return OK;
-    const struct tflite_tensor *filter = tensor(n, o->input[1]);
+    const struct tflite_tensor *filter = tensor_at(network, o->input[1]);
     const size_t patches = (size_t)out->size[1] * (size_t)out->size[2] * (filter->count / (size_t)filter->size[0]);
-    if (patches > TFLITE_MOST_VALUES)
+    if (patches > TFLITE_MAX_VALUES)
         return ERR_FORMAT;
     *patch_values = patches > *patch_values ? patches : *patch_values;
     const bool has_bias = o->input_count > 2 && o->input[2] >= 0;
-    n->weights[which] = pack_weights(filter, has_bias ? tensor(n, o->input[2])->values : NULL);
-    return n->weights[which] ? OK : ERR_MEMORY;
+    network->weights[which] = pack_weights(filter, has_bias ? tensor_at(network, o->input[2])->values : NULL);
+    return network->weights[which] ? OK : ERR_MEMORY;
 }
 
-static enum status prepare(struct network *n, unsigned outputs)
+static enum status prepare_network(struct network *network, unsigned outputs)
 {
-    const struct tflite_model *m = &n->model;
+    const struct tflite_model *m = &network->model;
     bool *ready = calloc((size_t)m->tensor_count, sizeof *ready);
     size_t patch_values = 1;
-    n->values = calloc((size_t)m->tensor_count, sizeof *n->values);
-    n->weights = calloc((size_t)m->operator_count + 1, sizeof *n->weights);
-    enum status status = ready && n->values && n->weights ? OK : ERR_MEMORY;
-    if (status == OK && tensor(n, m->input)->values)
+    network->values = calloc((size_t)m->tensor_count, sizeof *network->values);
+    network->weights = calloc((size_t)m->operator_count + 1, sizeof *network->weights);
+    enum status status = ready && network->values && network->weights ? OK : ERR_MEMORY;
+    if (status == OK && tensor_at(network, m->input)->values)
         status = ERR_FORMAT;
-    if (status == OK && !(n->values[m->input] = calloc(tensor(n, m->input)->count, sizeof(float))))
+    if (status == OK && !(network->values[m->input] = calloc(tensor_at(network, m->input)->count, sizeof(float))))
         status = ERR_MEMORY;
     if (status == OK)
         ready[m->input] = true;
     for (int i = 0; status == OK && i < m->operator_count; i++)
-        status = prepare_operator(n, i, ready, &patch_values);
+        status = prepare_operator(network, i, ready, &patch_values);
     for (int i = 0; status == OK && i < m->output_count; i++)
         if (outputs >> i & 1 && !ready[m->output[i]])
             status = ERR_FORMAT;
-    if (status == OK && !(n->patches = alloc_cache_aligned(sizeof(float) * patch_values)))
+    if (status == OK && !(network->patches = alloc_cache_aligned(sizeof(float) * patch_values)))
         status = ERR_MEMORY;
     free(ready);
     return status;
@@ -558,7 +577,7 @@ enum status network_open(struct network **out, const char *name, struct tflite_m
     }
     n->model = *model;
     *model = (struct tflite_model){0};
-    enum status status = keep_needed(&n->model, outputs) ? prepare(n, outputs) : ERR_MEMORY;
+    enum status status = keep_needed(&n->model, outputs) ? prepare_network(n, outputs) : ERR_MEMORY;
     if (status == OK)
         return OK;
     network_close(out);
@@ -583,15 +602,15 @@ void network_close(struct network **out)
     *out = NULL;
 }
 
-float *network_input(struct network *n, size_t *count)
+float *network_input(struct network *network, size_t *count)
 {
-    *count = tensor(n, n->model.input)->count;
-    return n->values[n->model.input];
+    *count = tensor_at(network, network->model.input)->count;
+    return network->values[network->model.input];
 }
 
-const float *network_output(const struct network *n, int i, size_t *count)
+const float *network_output(const struct network *network, int i, size_t *count)
 {
-    assert(i >= 0 && i < n->model.output_count && n->values[n->model.output[i]]);
-    *count = tensor(n, n->model.output[i])->count;
-    return n->values[n->model.output[i]];
+    assert(i >= 0 && i < network->model.output_count && network->values[network->model.output[i]]);
+    *count = tensor_at(network, network->model.output[i])->count;
+    return network->values[network->model.output[i]];
 }

@@ -16,7 +16,7 @@ MUST_CHECK enum status network_open(struct network **out, const char *name, stru
 void network_close(struct network **n); // NULL is fine
 
 // Row-major, channels last; to be filled before network_run, which leaves it as it is.
-float *network_input(struct network *n, size_t *count);
-void network_run(struct network *n);
+float *network_input(struct network *network, size_t *count);
+void network_run(struct network *network);
 // Output i, which was wanted. Valid until the next run.
-const float *network_output(const struct network *n, int i, size_t *count);
+const float *network_output(const struct network *network, int i, size_t *count);

@@ -1,7 +1,8 @@
 #include "neural/pose_network.h"
+
 #include "base/portable_math.h"
-#include "platform/files/file.h"
 #include "neural/network.h"
+#include "platform/files/file.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -85,14 +86,14 @@ static enum status open_one(struct network **out, const char *folder, const char
 }
 
 // A network of another size would be read beyond its end.
-static bool has_sizes(struct network *n, size_t input, const size_t *output, int outputs)
+static bool has_sizes(struct network *network, size_t input, const size_t *output, int outputs)
 {
     size_t count;
-    network_input(n, &count);
+    network_input(network, &count);
     bool right = count == input;
     for (int i = 0; right && i < outputs; i++)
         if (output[i]) {
-            network_output(n, i, &count);
+            network_output(network, i, &count);
             right = count == output[i];
         }
     return right;
@@ -122,17 +123,17 @@ enum status pose_network_open(struct pose_network **out, const char *folder, enu
     return status;
 }
 
-void pose_network_close(struct pose_network **n)
+void pose_network_close(struct pose_network **network)
 {
-    if (!*n)
+    if (!*network)
         return;
-    network_close(&(*n)->detector);
-    network_close(&(*n)->landmarks);
-    free(*n);
-    *n = NULL;
+    network_close(&(*network)->detector);
+    network_close(&(*network)->landmarks);
+    free(*network);
+    *network = NULL;
 }
 
-void pose_network_restart(struct pose_network *n) { n->following = false; }
+void pose_network_restart(struct pose_network *network) { network->following = false; }
 
 // ---------------------------------------------------------------- the image
 
@@ -141,22 +142,23 @@ struct image {
     int width, height;
 };
 
-static float pixel_at(const struct image *i, int x, int y, int channel)
+static float pixel_at(const struct image *image, int x, int y, int channel)
 {
-    return x < 0 || y < 0 || x >= i->width || y >= i->height
+    return x < 0 || y < 0 || x >= image->width || y >= image->height
                ? 0
-               : (float)i->rgb[3 * ((size_t)y * (size_t)i->width + (size_t)x) + (size_t)channel];
+               : (float)image->rgb[3 * ((size_t)y * (size_t)image->width + (size_t)x) + (size_t)channel];
 }
 
 // The square, `side` pixels wide, bilinear, black outside the image; values from low to high.
-static void crop(const struct image *image, const struct square *s, int side, float low, float high, float *out)
+static void crop_square(const struct image *image, const struct square *square, int side, float low, float high,
+                        float *out)
 {
-    const double c = portable_cos(s->rotation), sine = portable_sin(s->rotation), scale = s->side / side;
+    const double c = portable_cos(square->rotation), sine = portable_sin(square->rotation), scale = square->side / side;
     const float gain = (high - low) / 255;
     for (int v = 0; v < side; v++)
         for (int u = 0; u < side; u++, out += 3) {
             const double across = (u + 0.5 - side / 2.0) * scale, down = (v + 0.5 - side / 2.0) * scale;
-            double x = s->x + c * across - sine * down, y = s->y + sine * across + c * down;
+            double x = square->x + c * across - sine * down, y = square->y + sine * across + c * down;
             x = fmin(fmax(x, -2), image->width + 1); // beyond it is black anyway, and an int holds it
             y = fmin(fmax(y, -2), image->height + 1);
             const int left = (int)floor(x), top = (int)floor(y);
@@ -186,18 +188,18 @@ struct detection {
     double value[DETECTION_VALUES];
 };
 
-static struct detection detection_at(const struct pose_network *n, const float *boxes, int i)
+static struct detection detection_at(const struct pose_network *network, const float *boxes, int i)
 {
     struct detection d;
     for (int k = 0; k < DETECTION_VALUES; k++) {
         const bool size = k == 2 || k == 3;
-        const double middle = k % 2 ? n->anchor[i].y : n->anchor[i].x;
+        const double middle = k % 2 ? network->anchor[i].y : network->anchor[i].x;
         d.value[k] = (double)boxes[DETECTION_VALUES * i + k] / DETECTOR_SIDE + (size ? 0 : middle);
     }
     return d;
 }
 
-static double overlap(const struct detection *a, const struct detection *b)
+static double intersection_over_union(const struct detection *a, const struct detection *b)
 {
     double both = 1;
     for (int k = 0; k < 2; k++) {
@@ -210,27 +212,28 @@ static double overlap(const struct detection *a, const struct detection *b)
 }
 
 // The best detection, averaged with those of the same person by their scores. False: there is none.
-static bool detect(struct pose_network *n, const struct image *image, struct square *out)
+static bool detect_person(struct pose_network *network, const struct image *image, struct square *out)
 {
     const struct square whole = {(image->width - 1) / 2.0, (image->height - 1) / 2.0, fmax(image->width, image->height),
                                  0};
     size_t count;
-    crop(image, &whole, DETECTOR_SIDE, -1, 1, network_input(n->detector, &count));
-    network_run(n->detector);
-    const float *boxes = network_output(n->detector, 0, &count), *scores = network_output(n->detector, 1, &count);
+    crop_square(image, &whole, DETECTOR_SIDE, -1, 1, network_input(network->detector, &count));
+    network_run(network->detector);
+    const float *boxes = network_output(network->detector, 0, &count),
+                *scores = network_output(network->detector, 1, &count);
     int best = 0;
     for (int i = 1; i < DETECTIONS; i++)
         if (scores[i] > scores[best])
             best = i;
     if (!(logistic((double)scores[best]) >= FOUND))
         return false;
-    const struct detection first = detection_at(n, boxes, best);
+    const struct detection first = detection_at(network, boxes, best);
     struct detection mean = {{0}};
     double weights = 0;
     for (int i = 0; i < DETECTIONS; i++) {
         const double weight = logistic((double)scores[i]);
-        const struct detection d = detection_at(n, boxes, i);
-        if (weight < FOUND || (i != best && overlap(&first, &d) < SAME_BOX))
+        const struct detection d = detection_at(network, boxes, i);
+        if (weight < FOUND || (i != best && intersection_over_union(&first, &d) < SAME_BOX))
             continue;
         for (int k = 0; k < DETECTION_VALUES; k++)
             mean.value[k] += weight * d.value[k];
@@ -246,12 +249,12 @@ static bool detect(struct pose_network *n, const struct image *image, struct squ
 // ---------------------------------------------------------------- points
 
 // A point's place in the square, 0..1, made finer by the heatmap's mean about it where that is sure.
-static void refine(const float *heatmap, int point, double *u, double *v)
+static void refine_point(const float *heatmap, int point, double *u, double *v)
 {
     const int x = (int)floor(*u * HEATMAP_SIDE), y = (int)floor(*v * HEATMAP_SIDE);
     if (x < 0 || y < 0 || x >= HEATMAP_SIDE || y >= HEATMAP_SIDE)
         return;
-    double sum = 0, sum_x = 0, sum_y = 0, most = 0;
+    double sum = 0, sum_x = 0, sum_y = 0, max = 0;
     for (int j = y - HEATMAP_REACH; j <= y + HEATMAP_REACH; j++)
         for (int i = x - HEATMAP_REACH; i <= x + HEATMAP_REACH; i++) {
             if (i < 0 || j < 0 || i >= HEATMAP_SIDE || j >= HEATMAP_SIDE)
@@ -260,29 +263,30 @@ static void refine(const float *heatmap, int point, double *u, double *v)
             sum += weight;
             sum_x += i * weight;
             sum_y += j * weight;
-            most = fmax(most, weight);
+            max = fmax(max, weight);
         }
-    if (most < FOUND)
+    if (max < FOUND)
         return;
     *u = sum_x / sum / HEATMAP_SIDE;
     *v = sum_y / sum / HEATMAP_SIDE;
 }
 
-static void find_points(struct pose_network *n, const struct image *image, struct pose_point point[POINTS],
+static void find_points(struct pose_network *network, const struct image *image, struct pose_point point[POINTS],
                         double *score)
 {
-    const struct square *s = &n->square;
+    const struct square *s = &network->square;
     size_t count;
-    crop(image, s, LANDMARK_SIDE, 0, 1, network_input(n->landmarks, &count));
-    network_run(n->landmarks);
-    const float *values = network_output(n->landmarks, 0, &count), *heatmap = network_output(n->landmarks, 3, &count);
-    *score = (double)network_output(n->landmarks, 1, &count)[0];
+    crop_square(image, s, LANDMARK_SIDE, 0, 1, network_input(network->landmarks, &count));
+    network_run(network->landmarks);
+    const float *values = network_output(network->landmarks, 0, &count),
+                *heatmap = network_output(network->landmarks, 3, &count);
+    *score = (double)network_output(network->landmarks, 1, &count)[0];
     const double c = portable_cos(s->rotation), sine = portable_sin(s->rotation);
     for (int i = 0; i < POINTS; i++) {
         const float *value = values + (ptrdiff_t)POINT_VALUES * i;
         double u = fmin(fmax((double)value[0] / LANDMARK_SIDE, -10), 10);
         double v = fmin(fmax((double)value[1] / LANDMARK_SIDE, -10), 10);
-        refine(heatmap, i, &u, &v);
+        refine_point(heatmap, i, &u, &v);
         const double across = (u - 0.5) * s->side, down = (v - 0.5) * s->side;
         point[i] = (struct pose_point){
             .x_px = s->x + c * across - sine * down,
@@ -300,7 +304,7 @@ enum status pose_network_find(struct pose_network *n, const uint8_t *rgb, int wi
     const struct image image = {rgb, width, height};
     struct pose_point point[POINTS];
     for (bool again = n->following;; again = false) {
-        if (!n->following && !detect(n, &image, &n->square))
+        if (!n->following && !detect_person(n, &image, &n->square))
             return NOTHING;
         double score;
         find_points(n, &image, point, &score);

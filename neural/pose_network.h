@@ -67,11 +67,11 @@ enum pose_network_size { POSE_NETWORK_LITE, POSE_NETWORK_FULL };
 // not there, with a sentence that says how to get them; ERR_FORMAT, ERR_IO, ERR_MEMORY. A process with LITE open peaked
 // at 106 MiB, with FULL at 134 MiB. One thread at a time.
 MUST_CHECK enum status pose_network_open(struct pose_network **out, const char *folder, enum pose_network_size size);
-void pose_network_close(struct pose_network **n); // NULL is fine; sets *n = NULL
+void pose_network_close(struct pose_network **network); // NULL is fine; sets *network = NULL
 
 // The points of the person in the next image; rgb: width x height, 3 bytes a pixel. NOTHING: no person was found.
 MUST_CHECK enum status pose_network_find(struct pose_network *n, const uint8_t *rgb, int width, int height,
                                          struct pose_points *out);
 
 // The next image has nothing to do with the last: the detector looks at all of it.
-void pose_network_restart(struct pose_network *n);
+void pose_network_restart(struct pose_network *network);

@@ -2,17 +2,17 @@
 // in float, half float or half float with block sparsity, which are expanded to float. Quantised networks are refused.
 //
 // The file is not trusted: every offset and count is checked against its size, every index against its table, and
-// memory is bounded by TFLITE_MOST_VALUES, so that a damaged or hostile file gives ERR_FORMAT and nothing else. That
+// memory is bounded by TFLITE_MAX_VALUES, so that a damaged or hostile file gives ERR_FORMAT and nothing else. That
 // shapes suit the operators is checked by neural/network.h. Pure; any thread.
 #pragma once
 #include "base/status.h"
 
 enum {
-    TFLITE_MOST_DIMENSIONS = 4,
-    TFLITE_MOST_INPUTS = 8,        // of one operator
-    TFLITE_MOST_VALUES = 64000000, // all constants together, and each tensor
-    TFLITE_MOST_TABLE = 4096,      // tensors, operators, buffers
-    TFLITE_MOST_OUTPUTS = 8,
+    TFLITE_MAX_DIMENSIONS = 4,
+    TFLITE_MAX_INPUTS = 8,        // of one operator
+    TFLITE_MAX_VALUES = 64000000, // all constants together, and each tensor
+    TFLITE_MAX_TABLE = 4096,      // tensors, operators, buffers
+    TFLITE_MAX_OUTPUTS = 8,
 };
 
 // The operators that are read; the numbers are the file format's.
@@ -34,16 +34,16 @@ enum tflite_kind {
 enum tflite_activation { TFLITE_NO_ACTIVATION = 0, TFLITE_RELU = 1, TFLITE_RELU6 = 3 };
 
 struct tflite_tensor {
-    int dimensions, size[TFLITE_MOST_DIMENSIONS]; // outermost first: batch, row, column, channel
-    size_t count;                                 // the product of the sizes
-    float *values;                                // of a constant; NULL otherwise
-    int32_t *integers;                            // of an integer constant; NULL otherwise
+    int dimensions, size[TFLITE_MAX_DIMENSIONS]; // outermost first: batch, row, column, channel
+    size_t count;                                // the product of the sizes
+    float *values;                               // of a constant; NULL otherwise
+    int32_t *integers;                           // of an integer constant; NULL otherwise
     size_t integer_count;
 };
 
 struct tflite_operator {
     enum tflite_kind kind;
-    int input_count, input[TFLITE_MOST_INPUTS], output; // tensors; -1: an input that is left out
+    int input_count, input[TFLITE_MAX_INPUTS], output; // tensors; -1: an input that is left out
     enum tflite_activation activation;
     bool valid_padding; // else "same"
     int stride_x, stride_y, filter_x, filter_y;
@@ -57,9 +57,9 @@ struct tflite_model {
     struct tflite_operator *operators; // in the order in which they run
     int operator_count;
     int input;
-    int output_count, output[TFLITE_MOST_OUTPUTS];
+    int output_count, output[TFLITE_MAX_OUTPUTS];
 };
 
 // name: for the sentence. ERR_FORMAT: damaged, or a network of another kind; ERR_MEMORY. On any error *out is zeroed.
 MUST_CHECK enum status tflite_read(struct tflite_model *out, const char *name, const uint8_t *bytes, size_t count);
-void tflite_free(struct tflite_model *m); // leaves it zeroed
+void tflite_free(struct tflite_model *model); // leaves it zeroed

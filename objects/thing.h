@@ -3,8 +3,8 @@
 // The thing's own axes: origin in the middle of what its reference picture shows, on the side that is seen; x right and
 // y down in the picture, z away from the viewer. Metres.
 #pragma once
-#include "base/linear_algebra.h"
 #include "base/geometry.h"
+#include "base/linear_algebra.h"
 #include "platform/files/image_file.h"
 
 enum { THING_NAME_BYTES = 64, THING_URL_BYTES = 512, THINGS_MOST = 64 };

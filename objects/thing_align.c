@@ -8,20 +8,20 @@
 
 // ---------------------------------------------------------------- thing view
 
-static enum status find_features(const uint8_t *rgb, struct thing_view *v)
+static enum status find_features(const uint8_t *rgb, struct thing_view *view)
 {
-    const size_t pixels = (size_t)v->lens.width * (size_t)v->lens.height;
+    const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
     uint8_t *plane = malloc(pixels);
     enum status status = plane ? OK : fail(ERR_MEMORY, "no memory for an image's features");
     for (int c = 0; c < MODEL_CHANNELS && status == OK; c++) {
-        v->features[c] = malloc(VIEW_MOST_FEATURES * sizeof *v->features[c]);
-        if (!v->features[c]) {
+        view->features[c] = malloc(VIEW_MAX_FEATURES * sizeof *view->features[c]);
+        if (!view->features[c]) {
             status = fail(ERR_MEMORY, "no memory for an image's features");
             break;
         }
         model_channel(rgb, pixels, c, plane);
-        status = scale_features_detect(plane, v->lens.width, v->lens.height, v->features[c], VIEW_MOST_FEATURES,
-                                       &v->feature_count[c]);
+        status = scale_features_detect(plane, view->lens.width, view->lens.height, view->features[c], VIEW_MAX_FEATURES,
+                                       &view->feature_count[c]);
     }
     free(plane);
     return status;
@@ -46,37 +46,38 @@ enum status thing_view_make(const struct lens *lens, const struct pose *camera_f
     return status;
 }
 
-void thing_view_free(struct thing_view *v)
+void thing_view_free(struct thing_view *view)
 {
     for (int i = 0; i < VIEW_LEVELS; i++)
-        free(v->level[i].rgb);
+        free(view->level[i].rgb);
     for (int i = 0; i < MODEL_CHANNELS; i++)
-        free(v->features[i]);
-    *v = (struct thing_view){0};
+        free(view->features[i]);
+    *view = (struct thing_view){0};
 }
 
 // ---------------------------------------------------------------- thing align
 
 // Chosen by hand: less of the surface's turned-away parts is used; fewer points than this say nothing.
-#define LEAST_FACING 0.45F
-#define LEAST_SEEN   0.25 // the same for a view: cosine
-enum { LEAST_POINTS = 24 };
-#define HUBER       2.0 // standard deviations
-#define LEAST_NOISE 1.5 // grey levels
+#define MIN_FACING 0.45F
+#define MIN_SEEN   0.25 // the same for a view: cosine
+enum { MIN_POINTS = 24 };
+#define HUBER     2.0 // standard deviations
+#define MIN_NOISE 1.5 // grey levels
 
 struct sample {
     float value[3], dx[3], dy[3];
 };
 
 // The image and its slope at `px` (full-size pixels); false: outside.
-static bool look(const struct texture_level *l, int level, struct pixel px, struct sample *out)
+static bool sample_texture(const struct texture_level *texture_level, int level, struct pixel px, struct sample *out)
 {
     const double share = 1.0 / (1 << level), x = (px.x + 0.5) * share - 0.5, y = (px.y + 0.5) * share - 0.5;
-    if (!(x >= 1 && y >= 1 && x < l->width - 2 && y < l->height - 2))
+    if (!(x >= 1 && y >= 1 && x < texture_level->width - 2 && y < texture_level->height - 2))
         return false;
     const int x0 = (int)x, y0 = (int)y;
     const float fx = (float)(x - x0), fy = (float)(y - y0), s = (float)share;
-    const float *a = l->rgb + ((size_t)y0 * (size_t)l->width + (size_t)x0) * 3, *b = a + (size_t)l->width * 3;
+    const float *a = texture_level->rgb + ((size_t)y0 * (size_t)texture_level->width + (size_t)x0) * 3,
+                *b = a + (size_t)texture_level->width * 3;
     for (int c = 0; c < 3; c++) {
         const float top = a[c] + fx * (a[c + 3] - a[c]), low = b[c] + fx * (b[c + 3] - b[c]);
         out->value[c] = top + fy * (low - top);
@@ -95,18 +96,19 @@ struct view_frame {
     double scale;
 };
 
-static struct vec3 combined(const struct vec3 axes[3], struct vec3 v)
+static struct vec3 combine_axes(const struct vec3 axes[3], struct vec3 v)
 {
     return v3(axes[0].x * v.x + axes[1].x * v.y + axes[2].x * v.z, axes[0].y * v.x + axes[1].y * v.y + axes[2].y * v.z,
               axes[0].z * v.x + axes[1].z * v.y + axes[2].z * v.z);
 }
 
-static struct view_frame frame_of(const struct align_input *in, int view, const struct alignment *a)
+static struct view_frame frame_of(const struct align_input *in, int view, const struct alignment *alignment)
 {
     const struct thing_view *v = &in->views[view];
-    const struct pose camera_from_thing = pose_multiply(v->camera_from_left, a->left_from_thing);
-    struct view_frame f = {
-        .view = v, .origin = camera_from_thing.translation, .scale = 1 + a->log_scale * (1 + a->log_scale / 2)};
+    const struct pose camera_from_thing = pose_multiply(v->camera_from_left, alignment->left_from_thing);
+    struct view_frame f = {.view = v,
+                           .origin = camera_from_thing.translation,
+                           .scale = 1 + alignment->log_scale * (1 + alignment->log_scale / 2)};
     for (int k = 0; k < 3; k++) {
         const struct vec3 axis = v3(k == 0, k == 1, k == 2);
         f.of_thing[k] = quat_rotate(camera_from_thing.rotation, axis);
@@ -122,16 +124,16 @@ struct projected {
 };
 
 // False: behind the camera, or the surface there is turned away from it.
-static bool project(const struct align_input *in, const struct view_frame *f, int i, struct projected *out)
+static bool project_sample(const struct align_input *in, const struct view_frame *frame, int i, struct projected *out)
 {
-    out->arm = v3_scale(combined(f->of_thing, in->samples->at[in->shape][i]), f->scale);
-    out->at = v3_add(out->arm, f->origin);
+    out->arm = v3_scale(combine_axes(frame->of_thing, in->samples->at[in->shape][i]), frame->scale);
+    out->at = v3_add(out->arm, frame->origin);
     if (!(out->at.z > 0.02))
         return false;
-    const double facing = v3_dot(combined(f->of_thing, in->samples->normal[in->shape][i]), out->at);
-    if (facing >= 0 || facing * facing < LEAST_SEEN * LEAST_SEEN * v3_dot(out->at, out->at))
+    const double facing = v3_dot(combine_axes(frame->of_thing, in->samples->normal[in->shape][i]), out->at);
+    if (facing >= 0 || facing * facing < MIN_SEEN * MIN_SEEN * v3_dot(out->at, out->at))
         return false;
-    out->px = lens_project_clamped(&f->view->lens, f->view->largest_r2, out->at);
+    out->px = lens_project_clamped(&frame->view->lens, frame->view->largest_r2, out->at);
     return true;
 }
 
@@ -140,33 +142,33 @@ struct sums {
     double w, t, i, tt, ti, ii;
 };
 
-static double correlation(const struct sums s[3])
+static double color_correlation(const struct sums sums[3])
 {
     double ti = 0, tt = 0, ii = 0;
     for (int c = 0; c < 3; c++) {
-        if (!(s[c].w > 0))
+        if (!(sums[c].w > 0))
             return -1;
-        ti += s[c].ti - s[c].t * s[c].i / s[c].w;
-        tt += s[c].tt - s[c].t * s[c].t / s[c].w;
-        ii += s[c].ii - s[c].i * s[c].i / s[c].w;
+        ti += sums[c].ti - sums[c].t * sums[c].i / sums[c].w;
+        tt += sums[c].tt - sums[c].t * sums[c].t / sums[c].w;
+        ii += sums[c].ii - sums[c].i * sums[c].i / sums[c].w;
     }
     return tt > 0 && ii > 0 ? ti / sqrt(tt * ii) : -1;
 }
 
-static void add(struct sums s[3], const float color[3], const float value[3])
+static void add_colors(struct sums sums[3], const float color[3], const float value[3])
 {
     for (int c = 0; c < 3; c++) {
         const double t = color[c], i = value[c];
-        s[c].w += 1;
-        s[c].t += t;
-        s[c].i += i;
-        s[c].tt += t * t;
-        s[c].ti += t * i;
-        s[c].ii += i * i;
+        sums[c].w += 1;
+        sums[c].t += t;
+        sums[c].i += i;
+        sums[c].tt += t * t;
+        sums[c].ti += t * i;
+        sums[c].ii += i * i;
     }
 }
 
-static bool is_used(const struct align_input *in, int i) { return in->samples->facing[in->shape][i] >= LEAST_FACING; }
+static bool is_used(const struct align_input *in, int i) { return in->samples->facing[in->shape][i] >= MIN_FACING; }
 
 struct normal {
     double a[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS], g[ALIGN_UNKNOWNS];
@@ -179,22 +181,23 @@ struct gains {
 };
 
 // How the pixel moves with each unknown.
-static void pixel_slopes(const struct view_frame *f, const struct projected *p, double slope[ALIGN_UNKNOWNS][2])
+static void pixel_slopes(const struct view_frame *frame, const struct projected *projected,
+                         double slope[ALIGN_UNKNOWNS][2])
 {
-    const struct thing_view *v = f->view;
+    const struct thing_view *v = frame->view;
     static const double step = 1e-5;
     double j[3][2];
     for (int k = 0; k < 3; k++) {
         const struct vec3 d = v3(k == 0 ? step : 0, k == 1 ? step : 0, k == 2 ? step : 0);
-        const struct pixel moved = lens_project_clamped(&v->lens, v->largest_r2, v3_add(p->at, d));
-        j[k][0] = (moved.x - p->px.x) / step;
-        j[k][1] = (moved.y - p->px.y) / step;
+        const struct pixel moved = lens_project_clamped(&v->lens, v->largest_r2, v3_add(projected->at, d));
+        j[k][0] = (moved.x - projected->px.x) / step;
+        j[k][1] = (moved.y - projected->px.y) / step;
     }
     for (int k = 0; k < ALIGN_UNKNOWNS; k++) {
-        const struct vec3 axis = f->of_left[k % 3];
-        struct vec3 m = p->arm;
+        const struct vec3 axis = frame->of_left[k % 3];
+        struct vec3 m = projected->arm;
         if (k < 3)
-            m = v3_cross(axis, p->arm);
+            m = v3_cross(axis, projected->arm);
         else if (k < 6)
             m = axis;
         slope[k][0] = j[0][0] * m.x + j[1][0] * m.y + j[2][0] * m.z;
@@ -202,43 +205,43 @@ static void pixel_slopes(const struct view_frame *f, const struct projected *p, 
     }
 }
 
-static void add_residuals(const struct sample *at, const float color[3], const struct gains *g,
-                          const double slope[ALIGN_UNKNOWNS][2], double noise, struct normal *n)
+static void add_residuals(const struct sample *at, const float color[3], const struct gains *gains,
+                          const double slope[ALIGN_UNKNOWNS][2], double noise, struct normal *normal)
 {
     for (int c = 0; c < 3; c++) {
-        const double r = at->value[c] - g->gain[c] * color[c] - g->offset[c], size = fabs(r) / noise;
+        const double r = at->value[c] - gains->gain[c] * color[c] - gains->offset[c], size = fabs(r) / noise;
         const double weight = (size <= HUBER ? 1 : HUBER / size) / (noise * noise);
         double j[ALIGN_UNKNOWNS];
         for (int k = 0; k < ALIGN_UNKNOWNS; k++) {
             j[k] = at->dx[c] * slope[k][0] + at->dy[c] * slope[k][1];
-            n->g[k] -= weight * r * j[k];
+            normal->g[k] -= weight * r * j[k];
         }
         for (int k = 0; k < ALIGN_UNKNOWNS; k++)
             for (int m = 0; m <= k; m++)
-                n->a[k * ALIGN_UNKNOWNS + m] += weight * j[k] * j[m];
-        n->cost += size <= HUBER ? size * size : HUBER * (2 * size - HUBER);
-        n->magnitude += fabs(r);
-        n->residuals++;
+                normal->a[k * ALIGN_UNKNOWNS + m] += weight * j[k] * j[m];
+        normal->cost += size <= HUBER ? size * size : HUBER * (2 * size - HUBER);
+        normal->magnitude += fabs(r);
+        normal->residuals++;
     }
 }
 
 // Ratio of the largest to the smallest of the channels' brightness against the reference picture's; a few grey levels
 // are added because a dark channel's ratio means little.
-static double tint_of(const struct sums s[3])
+static double tint_of(const struct sums sums[3])
 {
-    double least = 1e9, most = 0;
+    double min = 1e9, max = 0;
     for (int c = 0; c < 3; c++) {
-        const double share = (s[c].i / s[c].w + 15) / (s[c].t / s[c].w + 15);
-        least = share < least ? share : least;
-        most = share > most ? share : most;
+        const double share = (sums[c].i / sums[c].w + 15) / (sums[c].t / sums[c].w + 15);
+        min = share < min ? share : min;
+        max = share > max ? share : max;
     }
-    return most / least;
+    return max / min;
 }
 
 // Writes the view's score, visible share and tint, too.
-static bool view_gains(const struct align_input *in, int view, struct alignment *a, struct gains *g)
+static bool view_gains(const struct align_input *in, int view, struct alignment *alignment, struct gains *gains)
 {
-    const struct view_frame f = frame_of(in, view, a);
+    const struct view_frame f = frame_of(in, view, alignment);
     const struct texture_level *l = &f.view->level[in->level];
     struct sums s[3] = {{0}};
     int seen = 0, used = 0;
@@ -248,78 +251,78 @@ static bool view_gains(const struct align_input *in, int view, struct alignment 
         if (!is_used(in, i))
             continue;
         used++;
-        if (!project(in, &f, i, &p) || !look(l, in->level, p.px, &at))
+        if (!project_sample(in, &f, i, &p) || !sample_texture(l, in->level, p.px, &at))
             continue;
         seen++;
-        add(s, in->samples->color[i], at.value);
+        add_colors(s, in->samples->color[i], at.value);
     }
-    a->visible[view] = used ? (double)seen / used : 0;
-    a->score[view] = seen < LEAST_POINTS ? -1 : correlation(s);
-    a->tint[view] = seen ? tint_of(s) : 1;
+    alignment->visible[view] = used ? (double)seen / used : 0;
+    alignment->score[view] = seen < MIN_POINTS ? -1 : color_correlation(s);
+    alignment->tint[view] = seen ? tint_of(s) : 1;
     for (int c = 0; c < 3 && seen; c++) {
         const double tt = s[c].tt - s[c].t * s[c].t / s[c].w, ti = s[c].ti - s[c].t * s[c].i / s[c].w;
         const double gain = tt > s[c].w ? ti / tt : 1; // a channel without contrast: as it is
-        g->gain[c] = clamp_double(gain, 0.1, 4);
-        g->offset[c] = (s[c].i - g->gain[c] * s[c].t) / s[c].w;
+        gains->gain[c] = clamp_double(gain, 0.1, 4);
+        gains->offset[c] = (s[c].i - gains->gain[c] * s[c].t) / s[c].w;
     }
-    return seen >= LEAST_POINTS;
+    return seen >= MIN_POINTS;
 }
 
-double thing_score(const struct align_input *in, int view, struct alignment *a)
+double thing_score(const struct align_input *in, int view, struct alignment *alignment)
 {
     struct gains g;
-    (void)view_gains(in, view, a, &g);
-    return a->score[view];
+    (void)view_gains(in, view, alignment, &g);
+    return alignment->score[view];
 }
 
-static void add_view(const struct align_input *in, int view, const struct alignment *a, const struct gains *g,
-                     struct normal *n)
+static void add_view(const struct align_input *in, int view, const struct alignment *alignment,
+                     const struct gains *gains, struct normal *normal)
 {
-    const struct view_frame f = frame_of(in, view, a);
+    const struct view_frame f = frame_of(in, view, alignment);
     const struct texture_level *l = &f.view->level[in->level];
     for (int i = 0; i < in->samples->count; i++) {
         struct projected p;
         struct sample at;
         if (!is_used(in, i))
             continue;
-        if (!project(in, &f, i, &p) || !look(l, in->level, p.px, &at))
+        if (!project_sample(in, &f, i, &p) || !sample_texture(l, in->level, p.px, &at))
             continue;
         double slope[ALIGN_UNKNOWNS][2];
         pixel_slopes(&f, &p, slope);
-        add_residuals(&at, in->samples->color[i], g, (const double(*)[2])slope, a->noise, n);
+        add_residuals(&at, in->samples->color[i], gains, (const double(*)[2])slope, alignment->noise, normal);
     }
 }
 
-static bool build(const struct align_input *in, struct alignment *a, struct normal *n)
+static bool build_normal(const struct align_input *in, struct alignment *alignment, struct normal *normal)
 {
     const int last = ALIGN_UNKNOWNS - 1;
     int in_sight = 0;
-    *n = (struct normal){0};
+    *normal = (struct normal){0};
     for (int v = 0; v < in->view_count; v++) {
         struct gains g;
-        if (!view_gains(in, v, a, &g))
+        if (!view_gains(in, v, alignment, &g))
             continue;
         in_sight++;
-        add_view(in, v, a, &g, n);
+        add_view(in, v, alignment, &g, normal);
     }
     if (!in_sight)
         return false;
     const double prior = in->variance_factor / (in->size.sigma * in->size.sigma);
-    const double off = a->log_scale - in->size.log_scale;
-    n->a[last * ALIGN_UNKNOWNS + last] += prior;
-    n->g[last] -= prior * off;
-    n->cost = (n->cost + prior * off * off) / n->residuals;
+    const double off = alignment->log_scale - in->size.log_scale;
+    normal->a[last * ALIGN_UNKNOWNS + last] += prior;
+    normal->g[last] -= prior * off;
+    normal->cost = (normal->cost + prior * off * off) / normal->residuals;
     for (int k = 0; k < ALIGN_UNKNOWNS; k++)
         for (int m = k + 1; m < ALIGN_UNKNOWNS; m++)
-            n->a[k * ALIGN_UNKNOWNS + m] = n->a[m * ALIGN_UNKNOWNS + k];
+            normal->a[k * ALIGN_UNKNOWNS + m] = normal->a[m * ALIGN_UNKNOWNS + k];
     return true;
 }
 
-static bool solve(const struct normal *n, double damping, double step[ALIGN_UNKNOWNS])
+static bool solve_damped(const struct normal *normal, double damping, double step[ALIGN_UNKNOWNS])
 {
     double a[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS];
-    memcpy(a, n->a, sizeof a);
-    memcpy(step, n->g, sizeof n->g);
+    memcpy(a, normal->a, sizeof a);
+    memcpy(step, normal->g, sizeof normal->g);
     for (int k = 0; k < ALIGN_UNKNOWNS; k++)
         a[k * ALIGN_UNKNOWNS + k] *= 1 + damping;
     if (!cholesky_factor(a, ALIGN_UNKNOWNS))
@@ -328,47 +331,47 @@ static bool solve(const struct normal *n, double damping, double step[ALIGN_UNKN
     return true;
 }
 
-static void apply(struct alignment *a, const double s[ALIGN_UNKNOWNS])
+static void apply_step(struct alignment *alignment, const double s[ALIGN_UNKNOWNS])
 {
-    struct pose *p = &a->left_from_thing;
+    struct pose *p = &alignment->left_from_thing;
     p->rotation = quat_unit(quat_multiply(quat_from_rotation_vector(v3(s[0], s[1], s[2])), p->rotation));
     p->translation = v3_add(p->translation, v3(s[3], s[4], s[5]));
-    a->log_scale += s[6];
+    alignment->log_scale += s[6];
 }
 
-bool thing_align(const struct align_input *in, int steps, struct alignment *a)
+bool thing_align(const struct align_input *in, int steps, struct alignment *alignment)
 {
     struct normal now, then;
     double damping = 0.01;
-    if (!(a->noise > 0))
-        a->noise = 20;
-    if (!build(in, a, &now))
+    if (!(alignment->noise > 0))
+        alignment->noise = 20;
+    if (!build_normal(in, alignment, &now))
         return false;
     // the noise from the residuals: 1.25 is a normal distribution's standard deviation over its mean magnitude
     for (int i = 0; i < steps && damping < 1e4; i++) {
-        a->noise = 1.25 * now.magnitude / now.residuals;
-        a->noise = a->noise < LEAST_NOISE ? LEAST_NOISE : a->noise;
-        if (!build(in, a, &now))
+        alignment->noise = 1.25 * now.magnitude / now.residuals;
+        alignment->noise = alignment->noise < MIN_NOISE ? MIN_NOISE : alignment->noise;
+        if (!build_normal(in, alignment, &now))
             return false;
         double step[ALIGN_UNKNOWNS];
-        struct alignment moved = *a;
+        struct alignment moved = *alignment;
         bool better = false;
-        if (solve(&now, damping, step)) {
-            apply(&moved, step);
+        if (solve_damped(&now, damping, step)) {
+            apply_step(&moved, step);
             better = moved.left_from_thing.translation.z > 0.05 && fabs(moved.log_scale) < 0.3 &&
-                     build(in, &moved, &then) && then.residuals * 4 > now.residuals * 3 && then.cost < now.cost;
+                     build_normal(in, &moved, &then) && then.residuals * 4 > now.residuals * 3 && then.cost < now.cost;
         }
         damping *= better ? 0.2 : 10;
         if (!better)
             continue;
         const double gain = now.cost - then.cost;
-        *a = moved;
+        *alignment = moved;
         now = then;
         if (gain < 1e-5 * now.cost)
             break;
     }
-    memcpy(a->information, now.a, sizeof a->information);
+    memcpy(alignment->information, now.a, sizeof alignment->information);
     for (int k = 0; k < ALIGN_UNKNOWNS * ALIGN_UNKNOWNS; k++)
-        a->information[k] /= in->variance_factor;
+        alignment->information[k] /= in->variance_factor;
     return true;
 }

@@ -8,7 +8,7 @@
 
 // One camera's image prepared for recognition: its pyramid and its features. Made once for an image, then only read.
 
-enum { VIEW_LEVELS = 5, VIEW_MOST_FEATURES = 2500, VIEWS_MOST = 2 };
+enum { VIEW_LEVELS = 5, VIEW_MAX_FEATURES = 2500, VIEWS_MAX = 2 };
 
 struct thing_view {
     struct lens lens;
@@ -22,7 +22,7 @@ struct thing_view {
 // rgb: of the lens's size. features: false where they are not needed. ERR_MEMORY, ERR_SOLVER. On error *out is all 0.
 MUST_CHECK enum status thing_view_make(const struct lens *lens, const struct pose *camera_from_left, const uint8_t *rgb,
                                        bool features, struct thing_view *out);
-void thing_view_free(struct thing_view *v);
+void thing_view_free(struct thing_view *view);
 
 // ---------------------------------------------------------------- thing align
 
@@ -31,10 +31,10 @@ enum { ALIGN_UNKNOWNS = 7 }; // turn (radians), shift (metres), both in the left
 struct alignment {
     struct pose left_from_thing;
     double log_scale;
-    double score[VIEWS_MOST];   // correlation with each view, at most 1; -1: too little of it is in the view
-    double visible[VIEWS_MOST]; // share of the points that are in the view
-    double tint[VIEWS_MOST]; // of its light against the picture's: largest over smallest channel's share of brightness
-    double noise;            // of the residuals, grey levels
+    double score[VIEWS_MAX];   // correlation with each view, at most 1; -1: too little of it is in the view
+    double visible[VIEWS_MAX]; // share of the points that are in the view
+    double tint[VIEWS_MAX]; // of its light against the picture's: largest over smallest channel's share of brightness
+    double noise;           // of the residuals, grey levels
     double
         information[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS]; // with the size's prior, for independent residuals of that noise
 };
@@ -52,8 +52,8 @@ struct align_input {
     double variance_factor; // by which neighbouring residuals count less than if they were independent
 };
 
-// Improves *a in at most `steps` steps and fills the rest of it. False: it is not in sight of the views.
-bool thing_align(const struct align_input *in, int steps, struct alignment *a);
+// Improves *alignment in at most `steps` steps and fills the rest of it. False: it is not in sight of the views.
+bool thing_align(const struct align_input *in, int steps, struct alignment *alignment);
 
 // Score in one view only, as the pose stands; visible and tint of that view are written into *a.
-double thing_score(const struct align_input *in, int view, struct alignment *a);
+double thing_score(const struct align_input *in, int view, struct alignment *alignment);

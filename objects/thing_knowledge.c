@@ -1,14 +1,14 @@
 #include "objects/thing_knowledge.h"
 
 #include "base/text.h"
-#include "platform/network/address.h"
 #include "platform/files/json.h"
+#include "platform/network/address.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_DEPTH = 4, MOST_ENTRIES = 1000 }; // of @graph and arrays that are searched for the thing
+enum { MAX_DEPTH = 4, MAX_ENTRIES = 1000 }; // of @graph and arrays that are searched for the thing
 
 // Copies text as plain text: white space becomes single spaces, markup <...> goes.
 static void plain_text(const char *from, char *out, size_t bytes)
@@ -66,7 +66,7 @@ static bool is_thing_type(const struct json *type)
 static bool names_thing(const struct json *types)
 {
     const struct json *type = json_is_array(types) ? json_first(types) : types;
-    for (int i = 0; type && i < MOST_ENTRIES; i++, type = json_is_array(types) ? json_next(type) : NULL)
+    for (int i = 0; type && i < MAX_ENTRIES; i++, type = json_is_array(types) ? json_next(type) : NULL)
         if (is_thing_type(type))
             return true;
     return false;
@@ -77,8 +77,8 @@ static const struct json *find_thing(const struct json *value, int depth)
     if (json_is_object(value) && names_thing(json_member(value, "@type")))
         return value;
     const struct json *list = json_is_array(value) ? value : json_member(value, "@graph");
-    const struct json *entry = depth < MOST_DEPTH && json_is_array(list) ? json_first(list) : NULL;
-    for (int i = 0; entry && i < MOST_ENTRIES; i++, entry = json_next(entry)) {
+    const struct json *entry = depth < MAX_DEPTH && json_is_array(list) ? json_first(list) : NULL;
+    for (int i = 0; entry && i < MAX_ENTRIES; i++, entry = json_next(entry)) {
         const struct json *found = find_thing(entry, depth + 1);
         if (found)
             return found;
@@ -177,7 +177,8 @@ enum status thing_knowledge_parse(const char *text, size_t count, const char *ur
     return status;
 }
 
-static enum status ask(const char *base, const char *reference, const struct http_limits *limits, struct known *k)
+static enum status fetch_document(const char *base, const char *reference, const struct http_limits *limits,
+                                  struct known *known)
 {
     struct http_answer answer;
     struct thing_knowledge fresh;
@@ -185,8 +186,8 @@ static enum status ask(const char *base, const char *reference, const struct htt
     enum status status = http_resolve(base, reference, url, sizeof url);
     if (status != OK)
         return status;
-    const bool same = k->text && !strcmp(url, k->url);
-    status = http_get(url, same ? k->etag : NULL, limits, &answer);
+    const bool same = known->text && !strcmp(url, known->url);
+    status = http_get(url, same ? known->etag : NULL, limits, &answer);
     if (status != OK)
         return status;
     char shown[ADDRESS_SHOWN_BYTES];
@@ -199,18 +200,18 @@ static enum status ask(const char *base, const char *reference, const struct htt
         free(answer.body);
         return status;
     }
-    free(k->text);
-    k->text = (char *)answer.body;
-    k->knowledge = fresh;
-    strcpy(k->url, url);
-    strcpy(k->etag, answer.etag);
+    free(known->text);
+    known->text = (char *)answer.body;
+    known->knowledge = fresh;
+    strcpy(known->url, url);
+    strcpy(known->etag, answer.etag);
     return OK;
 }
 
 enum status thing_knowledge_fetch(const char *base, const char *reference, const struct http_limits *limits,
                                   struct known *k)
 {
-    const enum status status = ask(base, reference, limits, k);
+    const enum status status = fetch_document(base, reference, limits, k);
     snprintf(k->trouble, sizeof k->trouble, "%s", status < OK ? status_message() : "");
     return status;
 }
@@ -221,21 +222,21 @@ static void add_text(struct json *root, const char *name, const char *text)
         json_add_string(root, name, text);
 }
 
-char *thing_knowledge_print(const struct thing_knowledge *k)
+char *thing_knowledge_print(const struct thing_knowledge *knowledge)
 {
     struct json *root = json_new_object();
     json_add_string(root, "@context", "https://schema.org");
     json_add_string(root, "@type", "Product");
-    add_text(root, "name", k->name);
-    add_text(root, "description", k->description);
-    add_text(root, "weight", k->weight);
-    add_text(root, "material", k->material);
-    add_text(root, "instructions", k->instructions);
-    add_text(root, "image", k->image);
-    if (k->model[0]) {
+    add_text(root, "name", knowledge->name);
+    add_text(root, "description", knowledge->description);
+    add_text(root, "weight", knowledge->weight);
+    add_text(root, "material", knowledge->material);
+    add_text(root, "instructions", knowledge->instructions);
+    add_text(root, "image", knowledge->image);
+    if (knowledge->model[0]) {
         struct json *model = json_add_object(root, "subjectOf");
         json_add_string(model, "@type", "3DModel");
-        json_add_string(json_add_object(model, "encoding"), "contentUrl", k->model);
+        json_add_string(json_add_object(model, "encoding"), "contentUrl", knowledge->model);
     }
     char *text = json_print(root);
     json_free(&root);

@@ -29,4 +29,4 @@ MUST_CHECK enum status thing_knowledge_fetch(const char *base, const char *refer
                                              struct known *k);
 
 // The JSON-LD of a thing, for a server's folder; the caller frees it; NULL: no memory.
-char *thing_knowledge_print(const struct thing_knowledge *k);
+char *thing_knowledge_print(const struct thing_knowledge *knowledge);

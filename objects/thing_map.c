@@ -14,7 +14,7 @@
 // ---------------------------------------------------------------- thing list
 
 // `name` beside the file `path`.
-static void beside(const char *path, const char *name, char *out, size_t bytes)
+static void path_beside(const char *path, const char *name, char *out, size_t bytes)
 {
     const char *slash = strrchr(path, '/');
     const int folder = name[0] == '/' || !slash ? 0 : (int)(slash - path + 1);
@@ -43,7 +43,7 @@ static enum status read_thing(const struct json *object, const char *path, struc
     strcpy(out->name, name);
     strcpy(out->url, url);
     address_hide_user(out->url); // it is kept and shown
-    beside(path, picture, file, sizeof file);
+    path_beside(path, picture, file, sizeof file);
     enum status status = image_read(file, &out->picture);
     if (status == OK && (out->picture.width < 24 || out->picture.height < 24))
         status = fail(ERR_INPUT, "%s: the picture is smaller than 24 x 24 pixels", file);
@@ -90,7 +90,7 @@ static void ask_content(const char *url, const struct http_limits *how, struct t
 {
     struct http_limits limits = *how;
     struct http_answer answer;
-    limits.most_bytes = THING_CONTENT_MOST;
+    limits.most_bytes = THING_CONTENT_MAX;
     if (!url[0])
         return;
     if (http_get(url, NULL, &limits, &answer) != OK) {
@@ -138,7 +138,7 @@ enum { FARTHEST2 = 400 * 400 };
 
 // Where most of the time goes. Compilers have one instruction for eight such products and their sums, but not between
 // a sanitizer's checks of each.
-__attribute__((no_sanitize("address", "undefined"))) static int32_t distance2(const int16_t *a, const int16_t *b)
+__attribute__((no_sanitize("address", "undefined"))) static int32_t squared_distance(const int16_t *a, const int16_t *b)
 {
     int32_t sum = 0;
     for (int i = 0; i < SCALE_FEATURE_DIMENSIONS; i++) {
@@ -148,17 +148,17 @@ __attribute__((no_sanitize("address", "undefined"))) static int32_t distance2(co
     return sum;
 }
 
-int thing_matches(const struct thing_model *m, const struct thing_view *v, struct thing_match *out, int capacity)
+int thing_matches(const struct thing_model *model, const struct thing_view *view, struct thing_match *out, int capacity)
 {
     int count = 0;
     for (int c = 0; c < MODEL_CHANNELS; c++)
-        for (int i = 0; i < m->feature_count[c]; i++) {
+        for (int i = 0; i < model->feature_count[c]; i++) {
             struct thing_match best[2] = {{NULL, NULL, FARTHEST2}, {NULL, NULL, FARTHEST2}};
-            for (int k = 0; k < v->feature_count[c]; k++) {
-                const int32_t d = distance2(m->features[c][i].descriptor, v->features[c][k].descriptor);
+            for (int k = 0; k < view->feature_count[c]; k++) {
+                const int32_t d = squared_distance(model->features[c][i].descriptor, view->features[c][k].descriptor);
                 if (d >= best[1].distance2)
                     continue;
-                const struct thing_match now = {&m->features[c][i], &v->features[c][k], d};
+                const struct thing_match now = {&model->features[c][i], &view->features[c][k], d};
                 if (d < best[0].distance2) {
                     best[1] = best[0];
                     best[0] = now;
@@ -175,12 +175,12 @@ int thing_matches(const struct thing_model *m, const struct thing_view *v, struc
 
 // ---------------------------------------------------------------- thing visibility
 
-// Chosen by hand, on the safe side of what is recognised. LEAST_PX: side of a square of as many pixels as it covers;
-// LEAST_FACING: cosine of the angle at which it is seen; MARGIN_PX: from the image's edge.
-#define LEAST_PX     60.0
-#define LEAST_FACING 0.72
-#define MARGIN_PX    6.0
-#define NEAREST_M    0.25
+// Chosen by hand, on the safe side of what is recognised. MIN_PX: side of a square of as many pixels as it covers;
+// MIN_FACING: cosine of the angle at which it is seen; MARGIN_PX: from the image's edge.
+#define MIN_PX     60.0
+#define MIN_FACING 0.72
+#define MARGIN_PX  6.0
+#define NEAREST_M  0.25
 // Depth: NEARER_M + NEARER_SHARE of the distance nearer than the thing is before it, so much farther is beyond it. Of
 // the samples at most HIDDEN_SHARE may be before it, at least READ_SHARE must be there, and EMPTY_SHARE of those make
 // the place empty.
@@ -192,7 +192,7 @@ int thing_matches(const struct thing_model *m, const struct thing_view *v, struc
 enum { VISIBILITY_SIDE = 9 };
 
 // The pixels that its front covers; 0: a corner is not well inside the image.
-static double covered_px(const struct thing *t, const struct pose *camera_from_thing, const struct lens *lens)
+static double covered_px(const struct thing *thing, const struct pose *camera_from_thing, const struct lens *lens)
 {
     static const double corner[4][2] = {{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}};
     const double largest = lens_max_radius2(lens);
@@ -200,7 +200,7 @@ static double covered_px(const struct thing *t, const struct pose *camera_from_t
     double area = 0;
     for (int i = 0; i < 4; i++) {
         const struct vec3 p =
-            pose_apply(*camera_from_thing, v3(corner[i][0] * t->width_m, corner[i][1] * t->height_m, 0));
+            pose_apply(*camera_from_thing, v3(corner[i][0] * thing->width_m, corner[i][1] * thing->height_m, 0));
         if (!(p.z > NEAREST_M))
             return 0;
         px[i] = lens_project_clamped(lens, largest, p);
@@ -232,8 +232,8 @@ enum thing_sight thing_sight_of(const struct thing *thing, struct pose camera_fr
 {
     const struct vec3 to_thing = camera_from_thing.translation;
     const double facing = v3_dot(quat_rotate(camera_from_thing.rotation, v3(0, 0, 1)), v3_unit(to_thing));
-    if (!depth || !(to_thing.z > NEAREST_M) || facing < LEAST_FACING ||
-        covered_px(thing, &camera_from_thing, lens) < LEAST_PX * LEAST_PX)
+    if (!depth || !(to_thing.z > NEAREST_M) || facing < MIN_FACING ||
+        covered_px(thing, &camera_from_thing, lens) < MIN_PX * MIN_PX)
         return SIGHT_NONE;
     int read = 0, before = 0, beyond = 0;
     for (int i = 0; i < VISIBILITY_SIDE * VISIBILITY_SIDE; i++) {
@@ -265,14 +265,14 @@ enum { DEPTH_SIDE = 9, LEAST = 12 };
 #define BIAS          0.004
 #define CONTRADICTION 0.15
 
-static int compare(const void *a, const void *b)
+static int compare_doubles(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
 // Measured over predicted depth at points of the front's middle, sorted; their number.
-static int ratios_of(const struct sighting *s, const struct thing *thing, const struct depth_view *view,
+static int ratios_of(const struct sighting *sighting, const struct thing *thing, const struct depth_view *view,
                      double ratio[DEPTH_SIDE * DEPTH_SIDE])
 {
     int count = 0;
@@ -280,7 +280,7 @@ static int ratios_of(const struct sighting *s, const struct thing *thing, const 
         const double u = 2.0 * (i % DEPTH_SIDE) / (DEPTH_SIDE - 1) - 1,
                      v = 2.0 * (i / DEPTH_SIDE) / (DEPTH_SIDE - 1) - 1;
         const struct vec3 at = v3(MIDDLE * u * thing->width_m, MIDDLE * v * thing->height_m, 0);
-        const struct vec3 p = pose_apply(view->depth_from_color, pose_apply(s->left_from_thing, at));
+        const struct vec3 p = pose_apply(view->depth_from_color, pose_apply(sighting->left_from_thing, at));
         if (!(p.z > 0.1))
             continue;
         const struct pixel px = lens_project(&view->lens, p);
@@ -291,7 +291,7 @@ static int ratios_of(const struct sighting *s, const struct thing *thing, const 
         if (mm)
             ratio[count++] = mm * 1e-3 / p.z;
     }
-    qsort(ratio, (size_t)count, sizeof *ratio, compare);
+    qsort(ratio, (size_t)count, sizeof *ratio, compare_doubles);
     return count;
 }
 
@@ -324,41 +324,43 @@ enum status sighting_by_depth(struct sighting *s, const struct thing *thing, con
 #define BY_HAND_M 0.1   // standard deviation of a place without a covariance: chosen by hand
 #define JITTER2   1e-8  // m^2, added before inverting: 0.1 mm
 
-static bool inverse(const struct covariance3 *c, double out[9])
+static bool invert_covariance(const struct covariance3 *covariance3, double out[9])
 {
-    const double m[9] = {c->xx + JITTER2, c->xy, c->xz, c->xy, c->yy + JITTER2, c->yz, c->xz, c->yz, c->zz + JITTER2};
+    const double m[9] = {covariance3->xx + JITTER2, covariance3->xy,           covariance3->xz,
+                         covariance3->xy,           covariance3->yy + JITTER2, covariance3->yz,
+                         covariance3->xz,           covariance3->yz,           covariance3->zz + JITTER2};
     return invert_symmetric(m, 3, out);
 }
 
-static struct vec3 times(const double m[9], struct vec3 v)
+static struct vec3 multiply_vector(const double m[9], struct vec3 v)
 {
     return v3(m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
               m[6] * v.x + m[7] * v.y + m[8] * v.z);
 }
 
-static bool apart(struct vec3 a, const struct covariance3 *ca, struct vec3 b, const struct covariance3 *cb)
+static bool are_points_apart(struct vec3 a, const struct covariance3 *ca, struct vec3 b, const struct covariance3 *cb)
 {
     const struct covariance3 sum = covariance3_add(ca, cb);
     const struct vec3 d = v3_sub(a, b);
     double m[9];
-    return inverse(&sum, m) && v3_dot(d, times(m, d)) > OUTSIDE;
+    return invert_covariance(&sum, m) && v3_dot(d, multiply_vector(m, d)) > OUTSIDE;
 }
 
 // a and its covariance become the information-weighted mean with b.
-static void fuse(struct vec3 *a, struct covariance3 *ca, struct vec3 b, const struct covariance3 *cb)
+static void fuse_positions(struct vec3 *a, struct covariance3 *ca, struct vec3 b, const struct covariance3 *cb)
 {
     double ia[9], ib[9], sum[9], mean[9];
-    if (!inverse(ca, ia) || !inverse(cb, ib))
+    if (!invert_covariance(ca, ia) || !invert_covariance(cb, ib))
         return;
     for (int i = 0; i < 9; i++)
         sum[i] = ia[i] + ib[i];
     if (!invert_symmetric(sum, 3, mean))
         return;
-    *a = times(mean, v3_add(times(ia, *a), times(ib, b)));
+    *a = multiply_vector(mean, v3_add(multiply_vector(ia, *a), multiply_vector(ib, b)));
     *ca = (struct covariance3){mean[0], mean[1], mean[2], mean[4], mean[5], mean[8]};
 }
 
-static struct mapped_thing *entry(struct thing_map *map, int thing)
+static struct mapped_thing *map_entry(struct thing_map *map, int thing)
 {
     for (int i = 0; i < map->count; i++)
         if (map->things[i].thing == thing)
@@ -372,26 +374,26 @@ static struct mapped_thing *entry(struct thing_map *map, int thing)
 void thing_map_know(struct thing_map *map, int thing, const struct pose *world_from_thing,
                     const struct covariance3 *covariance)
 {
-    struct mapped_thing *t = entry(map, thing);
+    struct mapped_thing *t = map_entry(map, thing);
     if (!t)
         return;
     *t = (struct mapped_thing){.thing = thing, .world_from_thing = *world_from_thing, .known = true};
     t->covariance = covariance3_trace(covariance) > 0 ? *covariance : covariance3_isotropic(BY_HAND_M * BY_HAND_M);
 }
 
-static void move(struct mapped_thing *t, struct quat rotation)
+static void move_thing(struct mapped_thing *thing, struct quat rotation)
 {
-    t->world_from_thing = (struct pose){rotation, t->elsewhere};
-    t->covariance = t->elsewhere_covariance;
-    t->moves++;
-    t->doubted = false;
+    thing->world_from_thing = (struct pose){rotation, thing->elsewhere};
+    thing->covariance = thing->elsewhere_covariance;
+    thing->moves++;
+    thing->doubted = false;
 }
 
-void thing_map_add(struct thing_map *map, const struct sighting *s, const struct pose *world_from_left)
+void thing_map_add(struct thing_map *map, const struct sighting *sighting, const struct pose *world_from_left)
 {
-    struct mapped_thing *t = entry(map, s->thing);
-    const struct pose world = pose_multiply(*world_from_left, s->left_from_thing);
-    const struct covariance3 c = covariance3_rotate(world_from_left->rotation, &s->covariance);
+    struct mapped_thing *t = map_entry(map, sighting->thing);
+    const struct pose world = pose_multiply(*world_from_left, sighting->left_from_thing);
+    const struct covariance3 c = covariance3_rotate(world_from_left->rotation, &sighting->covariance);
     if (!t)
         return;
     t->misses = 0;
@@ -401,16 +403,16 @@ void thing_map_add(struct thing_map *map, const struct sighting *s, const struct
         t->covariance = c;
         return;
     }
-    if (!apart(t->world_from_thing.translation, &t->covariance, world.translation, &c)) {
+    if (!are_points_apart(t->world_from_thing.translation, &t->covariance, world.translation, &c)) {
         if (covariance3_trace(&c) < covariance3_trace(&t->covariance))
             t->world_from_thing.rotation = world.rotation;
-        fuse(&t->world_from_thing.translation, &t->covariance, world.translation, &c);
+        fuse_positions(&t->world_from_thing.translation, &t->covariance, world.translation, &c);
         t->doubted = false;
         return;
     }
-    if (t->doubted && !apart(t->elsewhere, &t->elsewhere_covariance, world.translation, &c)) {
-        fuse(&t->elsewhere, &t->elsewhere_covariance, world.translation, &c);
-        move(t, world.rotation);
+    if (t->doubted && !are_points_apart(t->elsewhere, &t->elsewhere_covariance, world.translation, &c)) {
+        fuse_positions(&t->elsewhere, &t->elsewhere_covariance, world.translation, &c);
+        move_thing(t, world.rotation);
         return;
     }
     t->doubted = true;
@@ -424,7 +426,7 @@ void thing_map_absent(struct thing_map *map, int thing)
     for (int i = 0; i < map->count; i++) {
         struct mapped_thing *t = &map->things[i];
         if (t->thing == thing && t->doubted)
-            move(t, t->elsewhere_rotation);
+            move_thing(t, t->elsewhere_rotation);
         else if (t->thing == thing)
             t->gone = true;
     }

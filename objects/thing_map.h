@@ -4,11 +4,11 @@
 // where the thing may have been moved to; the second such sighting in a row, at about one place, moves it. A thing that
 // should be in sight and is not found several times in a row is marked as gone. Pure.
 #pragma once
-#include "objects/thing_knowledge.h"
-#include "recording/recorded_things.h"
-#include "objects/thing_align.h"
 #include "base/lens.h"
 #include "objects/thing.h"
+#include "objects/thing_align.h"
+#include "objects/thing_knowledge.h"
+#include "recording/recorded_things.h"
 
 // ---------------------------------------------------------------- thing update
 
@@ -24,7 +24,7 @@ struct thing_update {
 };
 
 // reference: relative to base, which may be the whole address. What fails leaves what the thing had. limits: for the
-// text; a picture or model may have THING_CONTENT_MOST bytes.
+// text; a picture or model may have THING_CONTENT_MAX bytes.
 void thing_update_ask(struct recorded_thing *thing, const char *base, const char *reference,
                       const struct http_limits *limits, struct thing_update *out);
 
@@ -39,7 +39,8 @@ struct thing_match {
 
 // For each feature of the model the two nearest of the view, in the same channel, as far as they are near at all.
 // Writes at most `capacity`; returns their number.
-int thing_matches(const struct thing_model *m, const struct thing_view *v, struct thing_match *out, int capacity);
+int thing_matches(const struct thing_model *model, const struct thing_view *view, struct thing_match *out,
+                  int capacity);
 
 // ---------------------------------------------------------------- thing depth
 
@@ -103,7 +104,7 @@ void thing_map_know(struct thing_map *map, int thing, const struct pose *world_f
 // Where it was known is empty: it moves to the single sighting elsewhere, if there is one, else it is gone.
 void thing_map_absent(struct thing_map *map, int thing);
 
-void thing_map_add(struct thing_map *map, const struct sighting *s, const struct pose *world_from_left);
+void thing_map_add(struct thing_map *map, const struct sighting *sighting, const struct pose *world_from_left);
 
 // The thing was expected in full sight of both cameras at less than the distance at which it is recognised, and was not
 // found.

@@ -100,17 +100,17 @@ struct extent {
     int left, right, first, last; // inclusive
 };
 
-static enum status find_extent(const struct thing *thing, struct thing_model *m, struct extent *out)
+static enum status find_extent(const struct thing *thing, struct thing_model *model, struct extent *out)
 {
-    struct extent e = {m->width, -1, m->height, -1};
-    for (int y = 0; y < m->height; y++) {
-        int a = m->width, b = -1;
-        for (int x = 0; x < m->width; x++)
-            if (m->inside[y * m->width + x]) {
+    struct extent e = {model->width, -1, model->height, -1};
+    for (int y = 0; y < model->height; y++) {
+        int a = model->width, b = -1;
+        for (int x = 0; x < model->width; x++)
+            if (model->inside[y * model->width + x]) {
                 a = x < a ? x : a;
                 b = x;
             }
-        m->half_px[y] = b < a ? 0 : (float)(b - a + 1) / 2;
+        model->half_px[y] = b < a ? 0 : (float)(b - a + 1) / 2;
         if (b < a)
             continue;
         e.left = a < e.left ? a : e.left;
@@ -124,25 +124,26 @@ static enum status find_extent(const struct thing *thing, struct thing_model *m,
                : fail(ERR_INPUT, "the reference picture of '%s' shows nothing but its margin", thing->name);
 }
 
-static void scale_flat(const struct thing *thing, const struct extent *e, struct thing_model *m)
+static void scale_flat(const struct thing *thing, const struct extent *extent, struct thing_model *model)
 {
-    const double w = e->right - e->left + 1, h = e->last - e->first + 1, least = w < h ? w : h;
-    m->scale[THING_FLAT] = (struct model_scale){
-        .x = (e->left + e->right) / 2.0,
-        .y = (e->first + e->last) / 2.0,
+    const double w = extent->right - extent->left + 1, h = extent->last - extent->first + 1, min = w < h ? w : h;
+    model->scale[THING_FLAT] = (struct model_scale){
+        .x = (extent->left + extent->right) / 2.0,
+        .y = (extent->first + extent->last) / 2.0,
         .metres_per_px = (thing->width_m + thing->height_m) / (w + h), // pixels are square
-        .size_sigma = sqrt(0.005 * 0.005 + 0.5 / (least * least)),
+        .size_sigma = sqrt(0.005 * 0.005 + 0.5 / (min * min)),
     };
-    m->scale[THING_FLAT].middle_sigma_m = 0.5 * m->scale[THING_FLAT].metres_per_px; // half a pixel
+    model->scale[THING_FLAT].middle_sigma_m = 0.5 * model->scale[THING_FLAT].metres_per_px; // half a pixel
 }
 
 // A solid of revolution in perspective, seen from the height of its middle. Its silhouette lies further back than its
 // nearest line, so its picture is taller against its width than it is by about radius / distance. With that, the known
 // sizes tell the distance; roughly, because of rounding to pixels and millimetres, so that it is weighed against what
 // is usual for a photograph of a thing: 0.8 m, to a factor of two.
-static void scale_turned(const struct thing *thing, const struct extent *e, struct thing_model *m)
+static void scale_turned(const struct thing *thing, const struct extent *extent, struct thing_model *model)
 {
-    const double w = e->right - e->left + 1, h = e->last - e->first + 1, radius = thing->width_m / 2;
+    const double w = extent->right - extent->left + 1, h = extent->last - extent->first + 1,
+                 radius = thing->width_m / 2;
     const double usual = radius / 0.8, usual_sigma = 0.5 * usual;
     const double measured = (h / w) / (thing->height_m / thing->width_m) - 1;
     const double sigma = sqrt(1 / (w * w) + 1 / (h * h) + 0.004 * 0.004);
@@ -152,29 +153,30 @@ static void scale_turned(const struct thing *thing, const struct extent *e, stru
     const double d = radius / growth;
     // what the front's plane shows of the silhouette's half width, and of the upper and lower edge's height
     const double half = d * radius / sqrt(d * d + 2 * d * radius);
-    const double top = m->half_px[e->first + 3], low = m->half_px[e->last - 3];
+    const double top = model->half_px[extent->first + 3], low = model->half_px[extent->last - 3];
     const double back_top = radius * (1 - top / (w / 2)), back_low = radius * (1 - low / (w / 2));
     const double up = thing->height_m / 2 / (1 + (back_top > 0 ? back_top : 0) / d);
     const double down = thing->height_m / 2 / (1 + (back_low > 0 ? back_low : 0) / d);
-    struct model_scale *s = &m->scale[THING_TURNED];
-    *s = (struct model_scale){.x = (e->left + e->right) / 2.0, .metres_per_px = (2 * half + up + down) / (w + h)};
-    s->y = (e->first + e->last) / 2.0 - (down - up) / 2 / s->metres_per_px;
+    struct model_scale *s = &model->scale[THING_TURNED];
+    *s = (struct model_scale){.x = (extent->left + extent->right) / 2.0,
+                              .metres_per_px = (2 * half + up + down) / (w + h)};
+    s->y = (extent->first + extent->last) / 2.0 - (down - up) / 2 / s->metres_per_px;
     // With the distance's error; the second, 0.4 % of the height, chosen on the solids of data set `desk`.
     s->size_sigma = 0.02;
     s->middle_sigma_m = sqrt(0.25 * s->metres_per_px * s->metres_per_px + 1.6e-5 * thing->height_m * thing->height_m);
-    m->radius_m = radius;
-    m->distance_m = d;
+    model->radius_m = radius;
+    model->distance_m = d;
 }
 
-static enum status make_levels(const struct thing *thing, struct thing_model *m)
+static enum status make_levels(const struct thing *thing, struct thing_model *model)
 {
-    const size_t n = (size_t)m->width * (size_t)m->height * 3;
-    m->level[0] = (struct texture_level){m->width, m->height, malloc(n * sizeof *m->level[0].rgb)};
-    if (!m->level[0].rgb)
+    const size_t n = (size_t)model->width * (size_t)model->height * 3;
+    model->level[0] = (struct texture_level){model->width, model->height, malloc(n * sizeof *model->level[0].rgb)};
+    if (!model->level[0].rgb)
         return fail(ERR_MEMORY, "no memory for the picture of '%s'", thing->name);
     for (size_t i = 0; i < n; i++)
-        m->level[0].rgb[i] = thing->picture.rgb[i];
-    return texture_pyramid(m->level, MODEL_LEVELS);
+        model->level[0].rgb[i] = thing->picture.rgb[i];
+    return texture_pyramid(model->level, MODEL_LEVELS);
 }
 
 void model_channel(const uint8_t *rgb, size_t pixels, int channel, uint8_t *plane)
@@ -183,16 +185,16 @@ void model_channel(const uint8_t *rgb, size_t pixels, int channel, uint8_t *plan
         plane[i] = rgb[3 * i + (channel ? 2 : 0)];
 }
 
-static enum status find_features(const struct thing *thing, struct thing_model *m, uint8_t *plane)
+static enum status find_features(const struct thing *thing, struct thing_model *model, uint8_t *plane)
 {
     enum status status = OK;
     for (int c = 0; c < MODEL_CHANNELS && status == OK; c++) {
-        m->features[c] = malloc(MODEL_MOST_FEATURES * sizeof *m->features[c]);
-        if (!m->features[c])
+        model->features[c] = malloc(MODEL_MAX_FEATURES * sizeof *model->features[c]);
+        if (!model->features[c])
             return fail(ERR_MEMORY, "no memory for the features of '%s'", thing->name);
-        model_channel(thing->picture.rgb, (size_t)m->width * (size_t)m->height, c, plane);
-        status = scale_features_detect(plane, m->width, m->height, m->features[c], MODEL_MOST_FEATURES,
-                                       &m->feature_count[c]);
+        model_channel(thing->picture.rgb, (size_t)model->width * (size_t)model->height, c, plane);
+        status = scale_features_detect(plane, model->width, model->height, model->features[c], MODEL_MAX_FEATURES,
+                                       &model->feature_count[c]);
     }
     return status;
 }
@@ -232,32 +234,33 @@ enum status thing_model_make(const struct thing *thing, struct thing_model *out)
     return status;
 }
 
-void thing_model_free(struct thing_model *m)
+void thing_model_free(struct thing_model *model)
 {
-    free(m->inside);
-    free(m->half_px);
+    free(model->inside);
+    free(model->half_px);
     for (int i = 0; i < MODEL_LEVELS; i++)
-        free(m->level[i].rgb);
+        free(model->level[i].rgb);
     for (int i = 0; i < MODEL_CHANNELS; i++)
-        free(m->features[i]);
-    *m = (struct thing_model){0};
+        free(model->features[i]);
+    *model = (struct thing_model){0};
 }
 
-static void bilinear(const struct texture_level *l, double x, double y, float out[3])
+static void bilinear(const struct texture_level *level, double x, double y, float out[3])
 {
-    x = clamp_double(x, 0, l->width - 1);
-    y = clamp_double(y, 0, l->height - 1);
-    const int x0 = (int)x, y0 = (int)y, x1 = x0 + 1 < l->width ? x0 + 1 : x0, y1 = y0 + 1 < l->height ? y0 + 1 : y0;
+    x = clamp_double(x, 0, level->width - 1);
+    y = clamp_double(y, 0, level->height - 1);
+    const int x0 = (int)x, y0 = (int)y, x1 = x0 + 1 < level->width ? x0 + 1 : x0,
+              y1 = y0 + 1 < level->height ? y0 + 1 : y0;
     const float fx = (float)(x - x0), fy = (float)(y - y0);
     for (int c = 0; c < 3; c++) {
-        const float a = l->rgb[(y0 * l->width + x0) * 3 + c], b = l->rgb[(y0 * l->width + x1) * 3 + c];
-        const float d = l->rgb[(y1 * l->width + x0) * 3 + c], e = l->rgb[(y1 * l->width + x1) * 3 + c];
+        const float a = level->rgb[(y0 * level->width + x0) * 3 + c], b = level->rgb[(y0 * level->width + x1) * 3 + c];
+        const float d = level->rgb[(y1 * level->width + x0) * 3 + c], e = level->rgb[(y1 * level->width + x1) * 3 + c];
         out[c] = (1 - fy) * ((1 - fx) * a + fx * b) + fy * ((1 - fx) * d + fx * e);
     }
 }
 
 // Texture at (x, y) of the full picture, averaged over about `spread` of its pixels: trilinear between levels.
-static void texture_at(const struct thing_model *m, double x, double y, double spread, float out[3])
+static void texture_at(const struct thing_model *model, double x, double y, double spread, float out[3])
 {
     int level = 0;
     double size = 1;
@@ -271,33 +274,33 @@ static void texture_at(const struct thing_model *m, double x, double y, double s
     else if (spread >= 2 * size)
         share = 1;
     float fine[3], coarse[3];
-    bilinear(&m->level[level], (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5, fine);
-    bilinear(&m->level[level + 1], (x + 0.5) / (2 * size) - 0.5, (y + 0.5) / (2 * size) - 0.5, coarse);
+    bilinear(&model->level[level], (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5, fine);
+    bilinear(&model->level[level + 1], (x + 0.5) / (2 * size) - 0.5, (y + 0.5) / (2 * size) - 0.5, coarse);
     for (int c = 0; c < 3; c++)
         out[c] = (float)((1 - share) * fine[c] + share * coarse[c]);
 }
 
 // All pixels within `reach` of (x, y) along both axes show the thing.
-static bool well_inside(const struct thing_model *m, double x, double y, double reach)
+static bool well_inside(const struct thing_model *model, double x, double y, double reach)
 {
     for (int j = -1; j <= 1; j++)
         for (int i = -1; i <= 1; i++) {
             const int px = (int)floor(x + i * reach + 0.5), py = (int)floor(y + j * reach + 0.5);
-            if (px < 0 || py < 0 || px >= m->width || py >= m->height || !m->inside[py * m->width + px])
+            if (px < 0 || py < 0 || px >= model->width || py >= model->height || !model->inside[py * model->width + px])
                 return false;
         }
     return true;
 }
 
 // The point of the solid of revolution that the picture shows at (x, y). False: beside it.
-static bool turned_point(const struct thing_model *m, double x, double y, struct vec3 *at, struct vec3 *normal,
+static bool turned_point(const struct thing_model *model, double x, double y, struct vec3 *at, struct vec3 *normal,
                          float *facing)
 {
-    const struct model_scale *s = &m->scale[THING_TURNED];
-    const int row = (int)floor(y + 0.5) < m->height ? (int)floor(y + 0.5) : m->height - 1;
-    const double px = (x - s->x) * s->metres_per_px, py = (y - s->y) * s->metres_per_px, d = m->distance_m,
-                 axis = m->radius_m;
-    const double half = m->half_px[row] * s->metres_per_px, r = half * (d + axis) / sqrt(d * d + half * half);
+    const struct model_scale *s = &model->scale[THING_TURNED];
+    const int row = (int)floor(y + 0.5) < model->height ? (int)floor(y + 0.5) : model->height - 1;
+    const double px = (x - s->x) * s->metres_per_px, py = (y - s->y) * s->metres_per_px, d = model->distance_m,
+                 axis = model->radius_m;
+    const double half = model->half_px[row] * s->metres_per_px, r = half * (d + axis) / sqrt(d * d + half * half);
     // the ray (px t, py t, d t - d) meets the circle x^2 + (z - axis)^2 = r^2
     const double a = px * px + d * d, b = d * (d + axis), c = (d + axis) * (d + axis) - r * r, root = b * b - a * c;
     if (!(root > 0) || !(r > 0))
@@ -309,27 +312,27 @@ static bool turned_point(const struct thing_model *m, double x, double y, struct
     return true;
 }
 
-void thing_sample(const struct thing_model *m, double px_per_metre, int most, struct thing_samples *out)
+void thing_sample(const struct thing_model *model, double px_per_metre, int max, struct thing_samples *out)
 {
-    const struct model_scale *flat = &m->scale[THING_FLAT];
+    const struct model_scale *flat = &model->scale[THING_FLAT];
     const double spread = 1 / (px_per_metre * flat->metres_per_px); // picture's pixels for one of the image
-    const double area = (double)m->width * m->height;
+    const double area = (double)model->width * model->height;
     double step = spread < 1 ? 1 : spread;
-    while (area / (step * step) > most)
+    while (area / (step * step) > max)
         step *= 1.05;
     out->count = 0;
-    for (double y = step / 2 - 0.5; y < m->height; y += step)
-        for (double x = step / 2 - 0.5; x < m->width && out->count < most; x += step) {
-            if (!well_inside(m, x, y, 0.9 * spread + 0.5))
+    for (double y = step / 2 - 0.5; y < model->height; y += step)
+        for (double x = step / 2 - 0.5; x < model->width && out->count < max; x += step) {
+            if (!well_inside(model, x, y, 0.9 * spread + 0.5))
                 continue;
             const int i = out->count;
             out->at[THING_FLAT][i] = v3((x - flat->x) * flat->metres_per_px, (y - flat->y) * flat->metres_per_px, 0);
             out->facing[THING_FLAT][i] = 1;
             out->normal[THING_FLAT][i] = v3(0, 0, -1);
-            if (!turned_point(m, x, y, &out->at[THING_TURNED][i], &out->normal[THING_TURNED][i],
+            if (!turned_point(model, x, y, &out->at[THING_TURNED][i], &out->normal[THING_TURNED][i],
                               &out->facing[THING_TURNED][i]))
                 out->facing[THING_TURNED][i] = 0;
-            texture_at(m, x, y, spread, out->color[i]);
+            texture_at(model, x, y, spread, out->color[i]);
             out->count++;
         }
 }

@@ -20,7 +20,7 @@ MUST_CHECK enum status texture_pyramid(struct texture_level *level, int levels);
 
 // ---------------------------------------------------------------- thing model
 
-enum { MODEL_LEVELS = 6, MODEL_CHANNELS = 2, MODEL_MOST_FEATURES = 700, SAMPLES_MOST = 900 };
+enum { MODEL_LEVELS = 6, MODEL_CHANNELS = 2, MODEL_MAX_FEATURES = 700, SAMPLES_MAX = 900 };
 
 struct thing_model {
     int width, height; // of the reference picture
@@ -42,18 +42,18 @@ struct thing_model {
 // Its picture's margin, where that has one even colour, does not belong to the thing. ERR_MEMORY, ERR_SOLVER;
 // ERR_INPUT: the picture shows nothing. On error *out is all 0.
 MUST_CHECK enum status thing_model_make(const struct thing *thing, struct thing_model *out);
-void thing_model_free(struct thing_model *m);
+void thing_model_free(struct thing_model *model);
 
 // Points of the thing's surface with their colours, as an image shows them in which one metre at the thing is
-// `px_per_metre` pixels: about one point a pixel, at most SAMPLES_MOST, fewer where that would be more.
+// `px_per_metre` pixels: about one point a pixel, at most SAMPLES_MAX, fewer where that would be more.
 struct thing_samples {
     int count;
-    float color[SAMPLES_MOST][3];
-    struct vec3 at[THING_SHAPES][SAMPLES_MOST];     // thing's axes
-    struct vec3 normal[THING_SHAPES][SAMPLES_MOST]; // of the surface, outwards, of length 1
-    float facing[THING_SHAPES][SAMPLES_MOST];       // cosine of the angle at which the reference picture shows it
+    float color[SAMPLES_MAX][3];
+    struct vec3 at[THING_SHAPES][SAMPLES_MAX];     // thing's axes
+    struct vec3 normal[THING_SHAPES][SAMPLES_MAX]; // of the surface, outwards, of length 1
+    float facing[THING_SHAPES][SAMPLES_MAX];       // cosine of the angle at which the reference picture shows it
 };
-void thing_sample(const struct thing_model *m, double px_per_metre, int most, struct thing_samples *out);
+void thing_sample(const struct thing_model *model, double px_per_metre, int max, struct thing_samples *out);
 
 // The red (0) or blue (1) channel of an image.
 void model_channel(const uint8_t *rgb, size_t pixels, int channel, uint8_t *plane);

@@ -20,7 +20,7 @@ struct recognition_options recognition_default_options(void);
 // list must outlive it.
 MUST_CHECK enum status recognizer_open(struct recognizer **out, const struct thing_list *things,
                                        const struct recognition_options *options);
-void recognizer_close(struct recognizer **r);
+void recognizer_close(struct recognizer **recognizer);
 
 // One thing seen, with both shapes tried.
 struct detection {
@@ -40,7 +40,8 @@ struct thing_traits {
         double information, sum; // of log_scale, without the prior of what the picture tells
     } size[THING_SHAPES];
 };
-void thing_traits_add(struct thing_traits *t, const struct recognizer *r, const struct detection *d);
+void thing_traits_add(struct thing_traits *traits, const struct recognizer *recognizer,
+                      const struct detection *detection);
 
 // The detection as a sighting with the thing's shape and size as `traits` have them (NULL: as it is by itself), aligned
 // once more in the views. NOTHING: it does not look right after all.
@@ -49,4 +50,4 @@ MUST_CHECK enum status recognizer_refine(const struct recognizer *r, const struc
                                          int view_count, struct sighting *out);
 
 // Adds to the covariance what the error of the rig's calibration does at the sighting (stereo_calibration.h).
-void sighting_add_rig_error(struct sighting *s, const struct covariance3 *error_at_1m);
+void sighting_add_rig_error(struct sighting *sighting, const struct covariance3 *error_at_1m);

@@ -14,10 +14,10 @@
 enum { NEIGHBOURS = 3, QUALITY = 92 };
 static const double SHARP = 0.5;
 
-void sweep_pictures_start(struct sweep_pictures *s, const struct calibration *calibration)
+void sweep_pictures_start(struct sweep_pictures *pictures, const struct calibration *calibration)
 {
-    *s = (struct sweep_pictures){.calibration = *calibration, .stride = 1};
-    struct lens *l = &s->depth_lens;
+    *pictures = (struct sweep_pictures){.calibration = *calibration, .stride = 1};
+    struct lens *l = &pictures->depth_lens;
     *l = calibration->depth;
     if (!(l->width > 1 && l->height > 1)) {
         *l = (struct lens){0};
@@ -27,18 +27,18 @@ void sweep_pictures_start(struct sweep_pictures *s, const struct calibration *ca
     l->fx /= 2, l->fy /= 2, l->cx /= 2, l->cy /= 2;
 }
 
-static void free_picture(struct sweep_picture *p)
+static void free_picture(struct sweep_picture *picture)
 {
-    free(p->jpeg);
-    free(p->depth);
-    *p = (struct sweep_picture){0};
+    free(picture->jpeg);
+    free(picture->depth);
+    *picture = (struct sweep_picture){0};
 }
 
-void sweep_pictures_free(struct sweep_pictures *s)
+void sweep_pictures_free(struct sweep_pictures *pictures)
 {
-    for (int i = 0; i < s->count; i++)
-        free_picture(&s->pictures[i]);
-    *s = (struct sweep_pictures){0};
+    for (int i = 0; i < pictures->count; i++)
+        free_picture(&pictures->pictures[i]);
+    *pictures = (struct sweep_pictures){0};
 }
 
 // Of green: the variance of the difference of neighbours in a row, over that of values eight pixels apart. Motion blur
@@ -57,39 +57,41 @@ static double sharpness_of(const uint8_t *rgb, int width, int height)
     return near / far;
 }
 
-static void thin_out(struct sweep_pictures *s)
+static void thin_out(struct sweep_pictures *pictures)
 {
     int kept = 0;
-    for (int i = 0; i < s->count; i++)
+    for (int i = 0; i < pictures->count; i++)
         if (i % 2)
-            free_picture(&s->pictures[i]);
+            free_picture(&pictures->pictures[i]);
         else
-            s->pictures[kept++] = s->pictures[i];
-    s->count = kept;
-    s->stride *= 2;
+            pictures->pictures[kept++] = pictures->pictures[i];
+    pictures->count = kept;
+    pictures->stride *= 2;
 }
 
-static enum status copy_jpeg(const struct sweep_pictures *s, const struct frame *frame, struct sweep_picture *p)
+static enum status copy_jpeg(const struct sweep_pictures *pictures, const struct frame *frame,
+                             struct sweep_picture *picture)
 {
-    const struct lens *l = &s->calibration.color;
+    const struct lens *l = &pictures->calibration.color;
     if (!frame->jpeg)
-        return jpeg_encode(frame->color, l->width, l->height, QUALITY, &p->jpeg, &p->jpeg_bytes);
-    if (!(p->jpeg = malloc(frame->jpeg_bytes)))
+        return jpeg_encode(frame->color, l->width, l->height, QUALITY, &picture->jpeg, &picture->jpeg_bytes);
+    if (!(picture->jpeg = malloc(frame->jpeg_bytes)))
         return fail(ERR_MEMORY, "no memory for a picture of the sweep");
-    memcpy(p->jpeg, frame->jpeg, frame->jpeg_bytes);
-    p->jpeg_bytes = frame->jpeg_bytes;
+    memcpy(picture->jpeg, frame->jpeg, frame->jpeg_bytes);
+    picture->jpeg_bytes = frame->jpeg_bytes;
     return OK;
 }
 
-static enum status copy_depth(const struct sweep_pictures *s, const uint16_t *depth, struct sweep_picture *p)
+static enum status copy_depth(const struct sweep_pictures *pictures, const uint16_t *depth,
+                              struct sweep_picture *picture)
 {
-    const struct lens *l = &s->depth_lens;
-    if (!(p->depth = malloc(sizeof *p->depth * (size_t)l->width * (size_t)l->height)))
+    const struct lens *l = &pictures->depth_lens;
+    if (!(picture->depth = malloc(sizeof *picture->depth * (size_t)l->width * (size_t)l->height)))
         return fail(ERR_MEMORY, "no memory for a depth picture of the sweep");
     for (int y = 0; y < l->height; y++)
         for (int x = 0; x < l->width; x++)
-            p->depth[y * l->width + x] =
-                depth[(size_t)2 * (size_t)y * (size_t)s->calibration.depth.width + 2 * (size_t)x];
+            picture->depth[y * l->width + x] =
+                depth[(size_t)2 * (size_t)y * (size_t)pictures->calibration.depth.width + 2 * (size_t)x];
     return OK;
 }
 
@@ -97,7 +99,7 @@ enum status sweep_pictures_add(struct sweep_pictures *s, const struct frame *fra
 {
     if (!frame->color || s->seen++ % s->stride)
         return OK;
-    if (s->count == SWEEP_PICTURES_MOST)
+    if (s->count == SWEEP_PICTURES_MAX)
         thin_out(s);
     if ((s->seen - 1) % s->stride)
         return OK;
@@ -115,13 +117,13 @@ enum status sweep_pictures_add(struct sweep_pictures *s, const struct frame *fra
     return status;
 }
 
-bool sweep_picture_is_sharp(const struct sweep_pictures *s, int picture)
+bool sweep_picture_is_sharp(const struct sweep_pictures *pictures, int picture)
 {
     double best = 0;
     for (int i = picture - NEIGHBOURS; i <= picture + NEIGHBOURS; i++)
-        if (i >= 0 && i < s->count && s->pictures[i].sharpness > best)
-            best = s->pictures[i].sharpness;
-    return s->pictures[picture].sharpness >= SHARP * best;
+        if (i >= 0 && i < pictures->count && pictures->pictures[i].sharpness > best)
+            best = pictures->pictures[i].sharpness;
+    return pictures->pictures[picture].sharpness >= SHARP * best;
 }
 
 // ---------------------------------------------------------------- thing search
@@ -140,7 +142,7 @@ bool sweep_picture_is_sharp(const struct sweep_pictures *s, int picture)
 #define EMPTY_VOTE    1.0
 #define OCCUPIED_VOTE 0.5
 #define ABSENT        3.0
-enum { MISSES_MOST = 12 };
+enum { MISSES_MAX = 12 };
 #define SAME_PLACE 0.5 // of its larger side: it stands there still
 
 // What is expected of a thing, and where it was in clear sight and not recognised.
@@ -148,7 +150,7 @@ struct expectation {
     bool any;
     struct pose world_from_thing;
     struct covariance3 covariance;
-    struct pose missed_from[MISSES_MOST]; // world_from_camera
+    struct pose missed_from[MISSES_MAX]; // world_from_camera
     int misses;
     double absent;
     bool there; // it was recognised at its place
@@ -189,23 +191,23 @@ enum status thing_search_open(struct thing_search **out, const struct thing_list
     return status;
 }
 
-static void free_searched(struct searched *p)
+static void free_searched(struct searched *searched)
 {
-    free(p->rgb);
-    free(p->depth);
-    free(p->detections);
+    free(searched->rgb);
+    free(searched->depth);
+    free(searched->detections);
 }
 
-void thing_search_close(struct thing_search **s)
+void thing_search_close(struct thing_search **search)
 {
-    if (!*s)
+    if (!*search)
         return;
-    for (int i = 0; i < (*s)->count; i++)
-        free_searched(&(*s)->pictures[i]);
-    free((*s)->pictures);
-    recognizer_close(&(*s)->recognizer);
-    free(*s);
-    *s = NULL;
+    for (int i = 0; i < (*search)->count; i++)
+        free_searched(&(*search)->pictures[i]);
+    free((*search)->pictures);
+    recognizer_close(&(*search)->recognizer);
+    free(*search);
+    *search = NULL;
 }
 
 static bool is_apart(struct pose a, struct pose b)
@@ -214,84 +216,86 @@ static bool is_apart(struct pose a, struct pose b)
 }
 
 // Leaves out what is seen from about where it was seen before: it says nothing new, and its picture costs memory.
-static void leave_out_repeated(struct thing_search *s, struct searched *p)
+static void leave_out_repeated(struct thing_search *search, struct searched *searched)
 {
     int count = 0;
-    for (int i = 0; i < p->count; i++) {
-        const int thing = p->detections[i].thing;
-        if (s->kept[thing] && !is_apart(s->kept_from[thing], p->world_from_camera))
+    for (int i = 0; i < searched->count; i++) {
+        const int thing = searched->detections[i].thing;
+        if (search->kept[thing] && !is_apart(search->kept_from[thing], searched->world_from_camera))
             continue;
-        s->kept[thing] = true;
-        s->kept_from[thing] = p->world_from_camera;
-        p->detections[count++] = p->detections[i];
+        search->kept[thing] = true;
+        search->kept_from[thing] = searched->world_from_camera;
+        searched->detections[count++] = searched->detections[i];
     }
-    p->count = count;
+    searched->count = count;
 }
 
 // Copies what the second look needs.
-static enum status keep(struct thing_search *s, struct searched *p, const uint8_t *rgb, const struct depth_view *depth)
+static enum status keep_picture(struct thing_search *search, struct searched *searched, const uint8_t *rgb,
+                                const struct depth_view *depth)
 {
-    const size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
-    struct searched *grown = realloc(s->pictures, sizeof *grown * ((size_t)s->count + 1));
+    const size_t pixels = (size_t)searched->lens.width * (size_t)searched->lens.height;
+    struct searched *grown = realloc(search->pictures, sizeof *grown * ((size_t)search->count + 1));
     if (grown)
-        s->pictures = grown;
-    p->rgb = malloc(3 * pixels);
-    bool good = grown && p->rgb;
+        search->pictures = grown;
+    searched->rgb = malloc(3 * pixels);
+    bool good = grown && searched->rgb;
     if (good)
-        memcpy(p->rgb, rgb, 3 * pixels);
+        memcpy(searched->rgb, rgb, 3 * pixels);
     if (good && depth) {
         const size_t samples = (size_t)depth->lens.width * (size_t)depth->lens.height;
-        p->depth = malloc(sizeof *p->depth * samples);
-        good = p->depth != NULL;
+        searched->depth = malloc(sizeof *searched->depth * samples);
+        good = searched->depth != NULL;
         if (good)
-            memcpy(p->depth, depth->depth, sizeof *p->depth * samples);
-        p->depth_view = *depth;
-        p->depth_view.depth = p->depth;
+            memcpy(searched->depth, depth->depth, sizeof *searched->depth * samples);
+        searched->depth_view = *depth;
+        searched->depth_view.depth = searched->depth;
     }
     if (!good)
         return fail(ERR_MEMORY, "no memory for a picture with things");
-    s->pictures[s->count++] = *p;
+    search->pictures[search->count++] = *searched;
     return OK;
 }
 
-void thing_search_expect(struct thing_search *s, int thing, const struct pose *world_from_thing,
+void thing_search_expect(struct thing_search *search, int thing, const struct pose *world_from_thing,
                          const struct covariance3 *covariance)
 {
-    s->expected[thing] =
+    search->expected[thing] =
         (struct expectation){.any = true, .world_from_thing = *world_from_thing, .covariance = *covariance};
 }
 
 // The picture shows the thing where it was known.
-static bool is_there(const struct thing_search *s, const struct searched *p, int thing)
+static bool is_there(const struct thing_search *search, const struct searched *searched, int thing)
 {
-    const struct thing *t = &s->things->things[thing];
-    const struct vec3 at = s->expected[thing].world_from_thing.translation;
-    for (int i = 0; i < p->count; i++)
-        for (int shape = 0; shape < THING_SHAPES && p->detections[i].thing == thing; shape++) {
+    const struct thing *t = &search->things->things[thing];
+    const struct vec3 at = search->expected[thing].world_from_thing.translation;
+    for (int i = 0; i < searched->count; i++)
+        for (int shape = 0; shape < THING_SHAPES && searched->detections[i].thing == thing; shape++) {
             const struct vec3 found =
-                pose_apply(p->world_from_camera, p->detections[i].by[shape].left_from_thing.translation);
-            if (p->detections[i].found[shape] && v3_distance(found, at) < SAME_PLACE * fmax(t->width_m, t->height_m))
+                pose_apply(searched->world_from_camera, searched->detections[i].by[shape].left_from_thing.translation);
+            if (searched->detections[i].found[shape] &&
+                v3_distance(found, at) < SAME_PLACE * fmax(t->width_m, t->height_m))
                 return true;
         }
     return false;
 }
 
-static void note_misses(struct thing_search *s, const struct searched *p, const struct depth_view *depth)
+static void note_misses(struct thing_search *search, const struct searched *searched, const struct depth_view *depth)
 {
-    for (int i = 0; i < s->things->count; i++) {
-        struct expectation *e = &s->expected[i];
-        e->there |= e->any && is_there(s, p, i);
-        if (!e->any || e->there || e->misses == MISSES_MOST)
+    for (int i = 0; i < search->things->count; i++) {
+        struct expectation *e = &search->expected[i];
+        e->there |= e->any && is_there(search, searched, i);
+        if (!e->any || e->there || e->misses == MISSES_MAX)
             continue;
-        const enum thing_sight sight =
-            thing_sight_of(&s->things->things[i],
-                           pose_multiply(pose_inverse(p->world_from_camera), e->world_from_thing), &p->lens, depth);
+        const enum thing_sight sight = thing_sight_of(
+            &search->things->things[i], pose_multiply(pose_inverse(searched->world_from_camera), e->world_from_thing),
+            &searched->lens, depth);
         bool counts = sight != SIGHT_NONE;
         for (int k = 0; k < e->misses; k++)
-            counts &= is_apart(e->missed_from[k], p->world_from_camera);
+            counts &= is_apart(e->missed_from[k], searched->world_from_camera);
         if (!counts)
             continue;
-        e->missed_from[e->misses++] = p->world_from_camera;
+        e->missed_from[e->misses++] = searched->world_from_camera;
         e->absent += sight == SIGHT_EMPTY ? EMPTY_VOTE : OCCUPIED_VOTE;
     }
 }
@@ -318,33 +322,35 @@ enum status thing_search_add(struct thing_search *s, const struct lens *lens, st
     for (int i = 0; i < p.count && status == OK; i++)
         thing_traits_add(&s->traits[p.detections[i].thing], s->recognizer, &p.detections[i]);
     if (status == OK && p.count)
-        status = keep(s, &p, rgb, depth);
+        status = keep_picture(s, &p, rgb, depth);
     if (status != OK || !p.count)
         free_searched(&p);
     return status;
 }
 
-static enum status refine(struct thing_search *s, const struct searched *p, struct thing_map *out, int *sightings,
-                          int *contradicted)
+static enum status refine_detections(struct thing_search *search, const struct searched *searched,
+                                     struct thing_map *out, int *sightings, int *contradicted)
 {
     const struct pose here = POSE_IDENTITY;
     struct thing_view view;
-    enum status status = thing_view_make(&p->lens, &here, p->rgb, false, &view);
+    enum status status = thing_view_make(&searched->lens, &here, searched->rgb, false, &view);
     if (status != OK)
         return status;
-    for (int i = 0; i < p->count && status >= OK; i++) {
+    for (int i = 0; i < searched->count && status >= OK; i++) {
         struct sighting found;
-        const int thing = p->detections[i].thing;
-        status = recognizer_refine(s->recognizer, &p->detections[i], &s->traits[thing], &view, 1, &found);
+        const int thing = searched->detections[i].thing;
+        status =
+            recognizer_refine(search->recognizer, &searched->detections[i], &search->traits[thing], &view, 1, &found);
         if (status != OK)
             continue;
-        if (p->depth && sighting_by_depth(&found, &s->things->things[thing], &p->depth_view) == AMBIGUOUS) {
+        if (searched->depth &&
+            sighting_by_depth(&found, &search->things->things[thing], &searched->depth_view) == AMBIGUOUS) {
             ++*contradicted;
             continue;
         }
         const struct covariance3 pose = covariance3_isotropic(POSE_SIGMA_M * POSE_SIGMA_M);
         found.covariance = covariance3_add(&found.covariance, &pose);
-        thing_map_add(out, &found, &p->world_from_camera);
+        thing_map_add(out, &found, &searched->world_from_camera);
         ++*sightings;
     }
     thing_view_free(&view);
@@ -360,7 +366,7 @@ enum status thing_search_finish(struct thing_search *s, struct thing_map *out, i
         if (s->expected[i].any)
             thing_map_know(out, i, &s->expected[i].world_from_thing, &s->expected[i].covariance);
     for (int i = 0; i < s->count && status == OK; i++)
-        status = refine(s, &s->pictures[i], out, sightings, contradicted);
+        status = refine_detections(s, &s->pictures[i], out, sightings, contradicted);
     for (int i = 0; i < s->things->count && status == OK; i++) {
         const struct mapped_thing *t = thing_map_find(out, i);
         if (t && !t->moves && !s->expected[i].there && s->expected[i].absent >= ABSENT)

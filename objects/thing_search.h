@@ -12,10 +12,10 @@
 
 // The pictures of a sweep, kept until their poses are known, so that things can be looked for in them afterwards.
 //
-// Memory: at most SWEEP_PICTURES_MOST pictures: the JPEG of each, and its depth at half the resolution (0.15 MB at
+// Memory: at most SWEEP_PICTURES_MAX pictures: the JPEG of each, and its depth at half the resolution (0.15 MB at
 // 640 x 480). Of a long sweep every second, fourth … is kept, counted from the first, as the mapper does.
 
-enum { SWEEP_PICTURES_MOST = 240 };
+enum { SWEEP_PICTURES_MAX = 240 };
 
 struct sweep_picture {
     int64_t time_ns;
@@ -28,19 +28,19 @@ struct sweep_picture {
 struct sweep_pictures {
     struct calibration calibration; // of the source
     struct lens depth_lens;         // of the pictures' depth; width 0: there is none
-    struct sweep_picture pictures[SWEEP_PICTURES_MOST];
+    struct sweep_picture pictures[SWEEP_PICTURES_MAX];
     int count;
     int64_t seen, stride; // frames with colour; of which every stride'th is kept
 };
 
-void sweep_pictures_start(struct sweep_pictures *s, const struct calibration *calibration);
-void sweep_pictures_free(struct sweep_pictures *s); // zeroed is fine
+void sweep_pictures_start(struct sweep_pictures *pictures, const struct calibration *calibration);
+void sweep_pictures_free(struct sweep_pictures *pictures); // zeroed is fine
 
 // Copies what it needs. ERR_MEMORY.
 MUST_CHECK enum status sweep_pictures_add(struct sweep_pictures *s, const struct frame *frame);
 
 // Sharp enough to look for things: not blurred by motion, against the sharpest of the pictures just before and after.
-bool sweep_picture_is_sharp(const struct sweep_pictures *s, int picture);
+bool sweep_picture_is_sharp(const struct sweep_pictures *pictures, int picture);
 
 // ---------------------------------------------------------------- thing search
 
@@ -48,12 +48,12 @@ struct thing_search;
 
 // The list must outlive it. ERR_MEMORY, ERR_SOLVER, ERR_INPUT: as recognizer_open. On error *out is NULL.
 MUST_CHECK enum status thing_search_open(struct thing_search **out, const struct thing_list *things);
-void thing_search_close(struct thing_search **s); // NULL is fine
+void thing_search_close(struct thing_search **search); // NULL is fine
 
 // The thing was known to stand there before these pictures were taken; said before they are added. So that it can be
 // marked as gone: its place was in clear sight (thing_map.h) from three viewpoints or more in which depth shows
 // that it is empty, or twice as many in which something stands there, and the thing was recognised in none of them.
-void thing_search_expect(struct thing_search *s, int thing, const struct pose *world_from_thing,
+void thing_search_expect(struct thing_search *search, int thing, const struct pose *world_from_thing,
                          const struct covariance3 *covariance);
 
 // A picture as `lens` took it; depth NULL: none. Everything is copied. ERR_MEMORY, ERR_SOLVER.

@@ -43,142 +43,145 @@ struct async_writer {
 
 // ------------------------------------------------------------- rows
 
-static enum status insert_joint_error(struct async_writer *s, const struct frame_row *f)
+static enum status insert_joint_error(struct async_writer *writer, const struct frame_row *row)
 {
     uint8_t covariances[JOINT_ERROR_BYTES];
-    put_joint_error(covariances, f->skeleton);
+    put_joint_error(covariances, row->skeleton);
     const uint32_t crc = crc32_of(0, covariances, sizeof covariances);
-    statement_bind_number(s->add_joint_error, 1, f->key);
-    statement_bind_blob(s->add_joint_error, 2, covariances, sizeof covariances);
-    statement_bind_number(s->add_joint_error, 3, crc);
-    statement_bind_number(s->add_joint_error, JOINT_ERROR_SEAL + 1, row_seal(f->key, crc));
-    return statement_run(s->add_joint_error);
+    statement_bind_number(writer->add_joint_error, 1, row->key);
+    statement_bind_blob(writer->add_joint_error, 2, covariances, sizeof covariances);
+    statement_bind_number(writer->add_joint_error, 3, crc);
+    statement_bind_number(writer->add_joint_error, JOINT_ERROR_SEAL + 1, row_seal(row->key, crc));
+    return statement_run(writer->add_joint_error);
 }
 
-static enum status insert_images(struct async_writer *s, const struct frame_row *f)
+static enum status insert_images(struct async_writer *writer, const struct frame_row *frame_row)
 {
     const struct {
         const uint8_t *bytes;
         size_t count;
-    } images[] = {{f->mask, f->mask_bytes}, {f->depth, f->depth_bytes}, {f->color, f->color_bytes}};
-    struct statement *row = s->add_image;
+    } images[] = {{frame_row->mask, frame_row->mask_bytes},
+                  {frame_row->depth, frame_row->depth_bytes},
+                  {frame_row->color, frame_row->color_bytes}};
+    struct statement *row = writer->add_image;
     int64_t crcs[3] = {0};
-    statement_bind_number(row, 1, f->key);
+    statement_bind_number(row, 1, frame_row->key);
     for (int i = 0; i < 3; i++) {
         if (images[i].bytes)
             statement_bind_number(row, 2 + i, crcs[i] = crc32_of(0, images[i].bytes, images[i].count));
         statement_bind_blob(row, 5 + i, images[i].bytes, images[i].count);
     }
-    statement_bind_number(row, IMAGE_SEAL + 1, image_seal(f->key, crcs));
+    statement_bind_number(row, IMAGE_SEAL + 1, image_seal(frame_row->key, crcs));
     return statement_run(row);
 }
 
-static enum status insert_frame(struct async_writer *s, const struct frame_row *f)
+static enum status insert_frame(struct async_writer *writer, const struct frame_row *frame_row)
 {
     uint8_t pose[POSE_BYTES], skeleton[SKELETON_BYTES];
-    size_t skeleton_bytes = f->skeleton ? sizeof skeleton : 0;
-    unsigned images = (f->color ? TAKE_COLOR : 0u) | (f->depth ? TAKE_DEPTH : 0u) | (f->mask ? TAKE_MASK : 0u);
-    put_pose(pose, &f->world_from_camera);
-    if (f->skeleton)
-        put_skeleton(skeleton, f->skeleton);
-    const uint32_t crc = frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, images);
-    struct statement *row = s->add_frame;
-    statement_bind_number(row, 1, f->key);
-    statement_bind_number(row, 2, f->time_ns);
-    statement_bind_number(row, 3, f->located);
+    size_t skeleton_bytes = frame_row->skeleton ? sizeof skeleton : 0;
+    unsigned images = (frame_row->color ? TAKE_COLOR : 0u) | (frame_row->depth ? TAKE_DEPTH : 0u) |
+                      (frame_row->mask ? TAKE_MASK : 0u);
+    put_pose(pose, &frame_row->world_from_camera);
+    if (frame_row->skeleton)
+        put_skeleton(skeleton, frame_row->skeleton);
+    const uint32_t crc = frame_crc(frame_row->time_ns, frame_row->located, pose, skeleton, skeleton_bytes, images);
+    struct statement *row = writer->add_frame;
+    statement_bind_number(row, 1, frame_row->key);
+    statement_bind_number(row, 2, frame_row->time_ns);
+    statement_bind_number(row, 3, frame_row->located);
     statement_bind_blob(row, 4, pose, sizeof pose);
-    statement_bind_blob(row, 5, f->skeleton ? skeleton : NULL, skeleton_bytes);
+    statement_bind_blob(row, 5, frame_row->skeleton ? skeleton : NULL, skeleton_bytes);
     statement_bind_number(row, 6, images);
     statement_bind_number(row, 7, crc);
-    statement_bind_number(row, FRAME_SEAL + 1, row_seal(f->key, crc));
+    statement_bind_number(row, FRAME_SEAL + 1, row_seal(frame_row->key, crc));
     enum status status = statement_run(row);
-    if (status == OK && f->skeleton && skeleton_has_covariance(f->skeleton))
-        status = insert_joint_error(s, f);
-    return status == OK && images ? insert_images(s, f) : status;
+    if (status == OK && frame_row->skeleton && skeleton_has_covariance(frame_row->skeleton))
+        status = insert_joint_error(writer, frame_row);
+    return status == OK && images ? insert_images(writer, frame_row) : status;
 }
 
-static enum status insert_take(struct async_writer *s, const struct take_row *t)
+static enum status insert_take(struct async_writer *writer, const struct take_row *row)
 {
     uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
-    take_bind(s->put_take, t, calibration, body);
-    return statement_run(s->put_take);
+    take_bind(writer->put_take, row, calibration, body);
+    return statement_run(writer->put_take);
 }
 
 // ------------------------------------------------------------- batches
 
-static void empty(struct batch *b)
+static void empty_batch(struct batch *batch)
 {
-    while (b->first) {
-        struct pending *next = b->first->next;
-        free(b->first);
-        b->first = next;
+    while (batch->first) {
+        struct pending *next = batch->first->next;
+        free(batch->first);
+        batch->first = next;
     }
-    b->has_take = false;
-    b->bytes = 0;
-    b->since_ns = INT64_MAX;
+    batch->has_take = false;
+    batch->bytes = 0;
+    batch->since_ns = INT64_MAX;
 }
 
 // One transaction: on any error the file remains as the last commit left it.
-static enum status write_batch(struct async_writer *s, const struct batch *b)
+static enum status write_batch(struct async_writer *writer, const struct batch *batch)
 {
-    enum status status = database_begin(s->db);
-    for (const struct pending *p = b->first; status == OK && p; p = p->next)
-        status = insert_frame(s, &p->row);
-    if (status == OK && b->has_take)
-        status = insert_take(s, &b->take);
+    enum status status = database_begin(writer->db);
+    for (const struct pending *p = batch->first; status == OK && p; p = p->next)
+        status = insert_frame(writer, &p->row);
+    if (status == OK && batch->has_take)
+        status = insert_take(writer, &batch->take);
     if (status == OK)
-        status = database_run(s->db, "COMMIT");
+        status = database_run(writer->db, "COMMIT");
     return status;
 }
 
 // The functions from here to the threads are called with the lock held.
 
 // Keeps the first error, rolls back and drops the batch. Returns the first error with its sentence.
-static enum status set_error(struct async_writer *s, enum status status)
+static enum status set_error(struct async_writer *writer, enum status status)
 {
-    if (s->first_error.status == OK) {
-        failure_keep(&s->first_error, status);
-        enum status back = database_in_transaction(s->db) ? database_run(s->db, "ROLLBACK") : OK;
+    if (writer->first_error.status == OK) {
+        failure_keep(&writer->first_error, status);
+        enum status back = database_in_transaction(writer->db) ? database_run(writer->db, "ROLLBACK") : OK;
         (void)back;
     }
-    empty(&s->batch);
-    pthread_cond_broadcast(&s->done); // wakes those who wait for this batch
-    return failure_restore(&s->first_error);
+    empty_batch(&writer->batch);
+    pthread_cond_broadcast(&writer->done); // wakes those who wait for this batch
+    return failure_restore(&writer->first_error);
 }
 
 // Detaches the batch and writes it. unlocked: the lock is released meanwhile.
-static enum status write_pending(struct async_writer *s, bool unlocked)
+static enum status write_pending(struct async_writer *writer, bool unlocked)
 {
-    if (s->first_error.status != OK)
-        return failure_restore(&s->first_error);
-    if (s->batch.since_ns == INT64_MAX)
+    if (writer->first_error.status != OK)
+        return failure_restore(&writer->first_error);
+    if (writer->batch.since_ns == INT64_MAX)
         return OK;
-    struct batch b = s->batch;
+    struct batch b = writer->batch;
     const int64_t bytes = (int64_t)b.bytes;
     int64_t frames = 0, last_ns = 0;
     for (const struct pending *p = b.first; p; p = p->next, frames++)
         last_ns = p->row.time_ns;
-    s->batch = (struct batch){.since_ns = INT64_MAX};
-    s->due = false;
-    s->writing = true;
+    writer->batch = (struct batch){.since_ns = INT64_MAX};
+    writer->due = false;
+    writer->writing = true;
     if (unlocked)
-        pthread_mutex_unlock(&s->lock);
-    enum status status = write_batch(s, &b);
-    empty(&b);
+        pthread_mutex_unlock(&writer->lock);
+    enum status status = write_batch(writer, &b);
+    empty_batch(&b);
     if (unlocked)
-        pthread_mutex_lock(&s->lock);
-    s->writing = false;
-    pthread_cond_broadcast(&s->done);
+        pthread_mutex_lock(&writer->lock);
+    writer->writing = false;
+    pthread_cond_broadcast(&writer->done);
     if (status != OK)
-        return set_error(s, status);
-    s->counters.waiting_bytes -= bytes;
-    s->counters.written_bytes += bytes;
-    s->counters.waiting_frames -= frames;
-    s->counters.committed_frames += frames;
+        return set_error(writer, status);
+    writer->counters.waiting_bytes -= bytes;
+    writer->counters.written_bytes += bytes;
+    writer->counters.waiting_frames -= frames;
+    writer->counters.committed_frames += frames;
     if (frames)
-        s->counters.committed_ns = last_ns;
-    s->unsynced = true;
-    pthread_cond_broadcast(&s->wake);
+        writer->counters.committed_ns = last_ns;
+    writer->unsynced = true;
+    pthread_cond_broadcast(&writer->wake);
     return OK;
 }
 
@@ -186,76 +189,77 @@ static enum status write_pending(struct async_writer *s, bool unlocked)
 
 static void *run_writer(void *argument)
 {
-    struct async_writer *s = argument;
+    struct async_writer *writer = argument;
     thread_wake_without_preempting();
-    pthread_mutex_lock(&s->lock);
-    while (!s->stop) {
-        int64_t since = s->batch.since_ns;
-        bool waiting = since != INT64_MAX && s->first_error.status == OK;
-        if (waiting && (s->due || clock_now_ns() - since >= BATCH_NS)) {
-            enum status status = write_pending(s, true);
-            (void)status; // kept in s->first_error
+    pthread_mutex_lock(&writer->lock);
+    while (!writer->stop) {
+        int64_t since = writer->batch.since_ns;
+        bool waiting = since != INT64_MAX && writer->first_error.status == OK;
+        if (waiting && (writer->due || clock_now_ns() - since >= BATCH_NS)) {
+            enum status status = write_pending(writer, true);
+            (void)status; // kept in writer->first_error
         } else if (waiting) {
-            condition_wait_until_ns(&s->wake, &s->lock, since + BATCH_NS);
+            condition_wait_until_ns(&writer->wake, &writer->lock, since + BATCH_NS);
         } else {
-            pthread_cond_wait(&s->wake, &s->lock);
+            pthread_cond_wait(&writer->wake, &writer->lock);
         }
     }
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&writer->lock);
     return NULL;
 }
 
 static void *run_checkpointer(void *argument)
 {
-    struct async_writer *s = argument;
+    struct async_writer *writer = argument;
     thread_wake_without_preempting();
-    pthread_mutex_lock(&s->lock);
-    while (!s->stop) {
-        if (!s->unsynced || s->first_error.status != OK) {
-            pthread_cond_wait(&s->wake, &s->lock);
+    pthread_mutex_lock(&writer->lock);
+    while (!writer->stop) {
+        if (!writer->unsynced || writer->first_error.status != OK) {
+            pthread_cond_wait(&writer->wake, &writer->lock);
             continue;
         }
-        s->unsynced = false;
-        const struct recording_counters before = s->counters;
-        pthread_mutex_unlock(&s->lock);
+        writer->unsynced = false;
+        const struct recording_counters before = writer->counters;
+        pthread_mutex_unlock(&writer->lock);
         int64_t left;
-        enum status status = database_checkpoint_beside_writer(s->checkpoint_db, s->guard_db, &left);
-        pthread_mutex_lock(&s->lock);
+        enum status status = database_checkpoint_beside_writer(writer->checkpoint_db, writer->guard_db, &left);
+        pthread_mutex_lock(&writer->lock);
         if (status != OK) {
-            while (s->writing) // the writer thread uses the connection that set_error() rolls back
-                pthread_cond_wait(&s->done, &s->lock);
-            set_error(s, status);
+            while (writer->writing) // the writer thread uses the connection that set_error() rolls back
+                pthread_cond_wait(&writer->done, &writer->lock);
+            set_error(writer, status);
         } else {
-            s->counters.synced_frames = before.committed_frames;
-            s->counters.synced_ns = before.committed_ns;
+            writer->counters.synced_frames = before.committed_frames;
+            writer->counters.synced_ns = before.committed_ns;
         }
     }
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&writer->lock);
     return NULL;
 }
 
 // ------------------------------------------------------------- the interface
 
-static enum status start(struct async_writer *s)
+static enum status start_writer(struct async_writer *writer)
 {
-    enum status status = insert_open(&s->add_frame, s->db, TABLE_FRAME, false);
+    enum status status = insert_open(&writer->add_frame, writer->db, TABLE_FRAME, false);
     if (status == OK)
-        status = insert_open(&s->add_joint_error, s->db, TABLE_JOINT_ERROR, true);
+        status = insert_open(&writer->add_joint_error, writer->db, TABLE_JOINT_ERROR, true);
     if (status == OK)
-        status = insert_open(&s->add_image, s->db, TABLE_IMAGE, false);
+        status = insert_open(&writer->add_image, writer->db, TABLE_IMAGE, false);
     if (status == OK)
-        status = insert_open(&s->put_take, s->db, TABLE_TAKE, true);
+        status = insert_open(&writer->put_take, writer->db, TABLE_TAKE, true);
     if (status == OK)
-        status = database_open(&s->checkpoint_db, database_path(s->db), DATABASE_WRITE);
+        status = database_open(&writer->checkpoint_db, database_path(writer->db), DATABASE_WRITE);
     if (status == OK)
-        status = database_open(&s->guard_db, database_path(s->db), DATABASE_READ);
+        status = database_open(&writer->guard_db, database_path(writer->db), DATABASE_READ);
     if (status == OK)
-        status = database_run(s->checkpoint_db, "PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0");
+        status = database_run(writer->checkpoint_db, "PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0");
     if (status != OK)
         return status;
-    s->has_writer = !pthread_create(&s->writer, NULL, run_writer, s);
-    s->has_checkpointer = s->has_writer && !pthread_create(&s->checkpointer, NULL, run_checkpointer, s);
-    return s->has_checkpointer ? OK : fail(ERR_MEMORY, "no thread to write %s", database_path(s->db));
+    writer->has_writer = !pthread_create(&writer->writer, NULL, run_writer, writer);
+    writer->has_checkpointer =
+        writer->has_writer && !pthread_create(&writer->checkpointer, NULL, run_checkpointer, writer);
+    return writer->has_checkpointer ? OK : fail(ERR_MEMORY, "no thread to write %s", database_path(writer->db));
 }
 
 enum status async_writer_open(struct async_writer **out, struct database *db)
@@ -270,7 +274,7 @@ enum status async_writer_open(struct async_writer **out, struct database *db)
     condition_open(&s->wake);
     pthread_cond_init(&s->done, NULL);
     pthread_mutex_init(&s->lock, NULL);
-    enum status status = start(s);
+    enum status status = start_writer(s);
     if (status == OK) {
         *out = s;
         return OK;
@@ -303,11 +307,11 @@ static struct pending *copy_row(const struct frame_row *row)
 }
 
 // Called with the lock held, before the batch gets a new row.
-static void begin_batch(struct async_writer *s)
+static void begin_batch(struct async_writer *writer)
 {
-    if (s->batch.since_ns == INT64_MAX) {
-        s->batch.since_ns = clock_now_ns();
-        pthread_cond_broadcast(&s->wake); // starts the BATCH_NS timeout
+    if (writer->batch.since_ns == INT64_MAX) {
+        writer->batch.since_ns = clock_now_ns();
+        pthread_cond_broadcast(&writer->wake); // starts the BATCH_NS timeout
     }
 }
 
@@ -330,8 +334,7 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
         struct recording_counters *c = &s->counters;
         c->waiting_bytes += (int64_t)bytes;
         c->waiting_frames++;
-        c->waiting_frames_most =
-            c->waiting_frames > c->waiting_frames_most ? c->waiting_frames : c->waiting_frames_most;
+        c->waiting_frames_max = c->waiting_frames > c->waiting_frames_max ? c->waiting_frames : c->waiting_frames_max;
         if (row->time_ns - b->first->row.time_ns >= BATCH_NS) {
             s->due = true;
             pthread_cond_broadcast(&s->wake);
@@ -343,12 +346,12 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
     return status;
 }
 
-void async_writer_count(struct async_writer *s, struct recording_counters *out)
+void async_writer_count(struct async_writer *writer, struct recording_counters *out)
 {
-    pthread_mutex_lock(&s->lock);
-    *out = s->counters;
-    out->failed = s->first_error.status != OK;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_lock(&writer->lock);
+    *out = writer->counters;
+    out->failed = writer->first_error.status != OK;
+    pthread_mutex_unlock(&writer->lock);
 }
 
 enum status async_writer_put_take(struct async_writer *s, const struct take_row *row)
@@ -397,7 +400,7 @@ enum status async_writer_close(struct async_writer **async_writer)
         pthread_join(s->writer, NULL);
     if (s->has_checkpointer)
         pthread_join(s->checkpointer, NULL);
-    empty(&s->batch);
+    empty_batch(&s->batch);
     database_close(&s->guard_db);
     database_close(&s->checkpoint_db);
     statement_close(&s->add_frame);

@@ -33,7 +33,7 @@ MUST_CHECK enum status async_writer_add_frame(struct async_writer *s, const stru
 MUST_CHECK enum status async_writer_put_take(struct async_writer *s, const struct take_row *row);
 
 // Any thread may ask.
-void async_writer_count(struct async_writer *s, struct recording_counters *out);
+void async_writer_count(struct async_writer *writer, struct recording_counters *out);
 
 // Commits everything added so far and keeps the threads off the database until async_writer_resume, which must follow
 // even if this fails.

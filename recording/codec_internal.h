@@ -1,7 +1,7 @@
 // Scratch memory shared by the depth codec (depth_codec.c) and the mask codec (mask_codec.c).
 #pragma once
-#include "recording/depth_codec.h"
 #include "platform/files/compress.h"
+#include "recording/depth_codec.h"
 
 struct rans_coder;
 

@@ -4,9 +4,9 @@
 // Blocks of a row that are all holes or all as predicted are coded as one number.
 #include "recording/depth_codec.h"
 
-#include "recording/little_endian.h"
 #include "recording/depth_earlier.h"
 #include "recording/depth_pixels.h"
+#include "recording/little_endian.h"
 #include "recording/rans_coder.h"
 
 #include <stdlib.h>
@@ -29,66 +29,66 @@ enum status depth_coder_open(struct depth_coder **out)
     return status;
 }
 
-void depth_coder_close(struct depth_coder **c)
+void depth_coder_close(struct depth_coder **coder)
 {
-    if (!*c)
+    if (!*coder)
         return;
-    compressor_close(&(*c)->compressor);
-    rans_close(&(*c)->rans);
-    free((*c)->out);
-    free((*c)->head);
-    free((*c)->rows);
-    free(*c);
-    *c = NULL;
+    compressor_close(&(*coder)->compressor);
+    rans_close(&(*coder)->rans);
+    free((*coder)->out);
+    free((*coder)->head);
+    free((*coder)->rows);
+    free(*coder);
+    *coder = NULL;
 }
 
 // ------------------------------------------------------------- levels
 
 // Finds the distinct depths. Returns the number of levels (level 0 is always depth 0), or 0 if a level is the depth
 // itself, because the sensor uses nearly all values.
-static int find_levels(struct depth_coder *c, const uint16_t *depth, size_t n, int *largest)
+static int find_levels(struct depth_coder *coder, const uint16_t *depth, size_t n, int *largest)
 {
     enum { AHEAD = 1024 }; // pixels that are fetched from memory before their turn; chosen by hand
     int levels = 1;
     size_t i = 0;
-    memset(c->seen, 0, sizeof c->seen);
+    memset(coder->seen, 0, sizeof coder->seen);
     for (uint64_t four; i + 4 <= n; i += 4) { // the image is seldom in a near cache, and this is its first use
         memcpy(&four, depth + i, sizeof four);
         __builtin_prefetch(depth + i + AHEAD);
-        c->seen[four & UINT16_MAX] = c->seen[four >> 16 & UINT16_MAX] = 1;
-        c->seen[four >> 32 & UINT16_MAX] = c->seen[four >> 48] = 1;
+        coder->seen[four & UINT16_MAX] = coder->seen[four >> 16 & UINT16_MAX] = 1;
+        coder->seen[four >> 32 & UINT16_MAX] = coder->seen[four >> 48] = 1;
     }
     for (; i < n; i++)
-        c->seen[depth[i]] = 1;
-    c->level_of[0] = HOLE;
-    c->depth_of[0] = 0;
+        coder->seen[depth[i]] = 1;
+    coder->level_of[0] = HOLE;
+    coder->depth_of[0] = 0;
     *largest = 0;
     for (int eight = 0; eight < 65536; eight += 8) {
         uint64_t any;
-        memcpy(&any, c->seen + eight, sizeof any);
+        memcpy(&any, coder->seen + eight, sizeof any);
         for (int d = eight; any && d < eight + 8; d++)
-            if (c->seen[d] && d) {
-                c->level_of[d] = (uint16_t)levels;
-                c->depth_of[levels++] = (uint16_t)d;
+            if (coder->seen[d] && d) {
+                coder->level_of[d] = (uint16_t)levels;
+                coder->depth_of[levels++] = (uint16_t)d;
                 *largest = d;
             }
     }
     if (4 * levels <= *largest)
         return levels;
     for (int d = 0; d <= *largest; d++)
-        c->level_of[d] = c->depth_of[d] = (uint16_t)d;
+        coder->level_of[d] = coder->depth_of[d] = (uint16_t)d;
     return 0;
 }
 
 // The slope between neighbours, in levels, up to which it is taken for noise: half the mean step between neighbours.
-static int measure_noise(struct depth_coder *c, const uint16_t *depth, int width, int height)
+static int measure_noise(struct depth_coder *coder, const uint16_t *depth, int width, int height)
 {
     enum { EDGE = 64 }; // larger steps are edges; chosen by hand
     int64_t sum = 0, count = 0;
     for (int y = 0; y < height; y += 4) {
         const uint16_t *row = depth + (size_t)y * (size_t)width;
         for (int x = 1; x < width; x++) {
-            int step = abs(c->level_of[row[x]] - c->level_of[row[x - 1]]);
+            int step = abs(coder->level_of[row[x]] - coder->level_of[row[x - 1]]);
             if (row[x] && row[x - 1] && step < EDGE) {
                 sum += step;
                 count++;
@@ -100,33 +100,33 @@ static int measure_noise(struct depth_coder *c, const uint16_t *depth, int width
 
 // ------------------------------------------------------------- encoding
 
-static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int width, int height, const uint8_t **bytes,
-                             size_t *count)
+static enum status store_raw(struct depth_coder *coder, const uint16_t *depth, int width, int height,
+                             const uint8_t **bytes, size_t *count)
 {
     size_t n = (size_t)width * (size_t)height;
-    enum status status = depth_coder_grow(&c->out, &c->out_capacity, 5 + 2 * n);
+    enum status status = depth_coder_grow(&coder->out, &coder->out_capacity, 5 + 2 * n);
     if (status != OK)
         return status;
-    uint8_t *at = put_u16(put_u16(put_u8(c->out, DEPTH_RAW), (uint16_t)width), (uint16_t)height);
+    uint8_t *at = put_u16(put_u16(put_u8(coder->out, DEPTH_RAW), (uint16_t)width), (uint16_t)height);
     for (size_t i = 0; i < n; i++)
         at = put_u16(at, depth[i]);
-    *bytes = c->out;
+    *bytes = coder->out;
     *count = 5 + 2 * n;
     return OK;
 }
 
 // The header: palette (each depth as its difference from the one before) and symbol frequencies.
-static enum status make_head(struct depth_coder *c, int levels, size_t *head_bytes)
+static enum status make_head(struct depth_coder *coder, int levels, size_t *head_bytes)
 {
-    size_t most = 3 * (size_t)levels + rans_frequencies_max(DEPTH_CONTEXTS);
-    enum status status = depth_coder_grow(&c->head, &c->head_capacity, most);
+    size_t max = 3 * (size_t)levels + rans_frequencies_max(DEPTH_CONTEXTS);
+    enum status status = depth_coder_grow(&coder->head, &coder->head_capacity, max);
     if (status != OK)
         return status;
-    uint8_t *at = c->head;
+    uint8_t *at = coder->head;
     for (int i = 1; i < levels; i++)
-        at = put_varint(at, (uint32_t)(c->depth_of[i] - c->depth_of[i - 1]));
-    at = rans_put_frequencies(c->rans, at);
-    *head_bytes = (size_t)(at - c->head);
+        at = put_varint(at, (uint32_t)(coder->depth_of[i] - coder->depth_of[i - 1]));
+    at = rans_put_frequencies(coder->rans, at);
+    *head_bytes = (size_t)(at - coder->head);
     return OK;
 }
 
@@ -169,35 +169,36 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
 
 static enum status damaged(void) { return fail(ERR_CORRUPT, "a depth image's code is damaged"); }
 
-static bool read_head(struct depth_coder *c, int contexts, const uint8_t *at, const uint8_t *end, uint32_t levels)
+static bool read_head(struct depth_coder *coder, int contexts, const uint8_t *at, const uint8_t *end, uint32_t levels)
 {
     for (int d = 0; !levels && d < 65536; d++)
-        c->depth_of[d] = (uint16_t)d;
-    c->depth_of[0] = 0;
+        coder->depth_of[d] = (uint16_t)d;
+    coder->depth_of[0] = 0;
     for (uint32_t i = 1, depth = 0, step; i < levels; i++) {
         if (!get_varint(&at, end, &step) || !step || step > 65535 - depth)
             return false;
         depth += step;
-        c->depth_of[i] = (uint16_t)depth;
+        coder->depth_of[i] = (uint16_t)depth;
     }
-    return rans_get_frequencies(c->rans, contexts, at, end);
+    return rans_get_frequencies(coder->rans, contexts, at, end);
 }
 
-static enum status decode_pixels(struct depth_coder *c, int method, const struct depth_code *code,
-                                 const struct depth_layout *l, uint16_t *depth)
+static enum status decode_pixels(struct depth_coder *coder, int method, const struct depth_code *code,
+                                 const struct depth_layout *layout, uint16_t *depth)
 {
     if (method != DEPTH_BLOCKS)
-        return depth_decode_earlier(c, method == DEPTH_ONE_STATE ? 1 : 2, code, l, depth);
+        return depth_decode_earlier(coder, method == DEPTH_ONE_STATE ? 1 : 2, code, layout, depth);
     const size_t streams[RANS_STREAMS] = {code->first_count, code->count - code->first_count};
-    enum status status = rans_start(c->rans, code->bytes, streams, RANS_NUMBER_BYTES * depth_row_numbers(l->width));
+    enum status status =
+        rans_start(coder->rans, code->bytes, streams, RANS_NUMBER_BYTES * depth_row_numbers(layout->width));
     if (status != OK)
         return status;
-    return l->levels && l->levels <= DEPTH_NARROW_LEVELS ? depth_decode_narrow(c, l, depth)
-                                                         : depth_decode_wide(c, l, depth);
+    return layout->levels && layout->levels <= DEPTH_NARROW_LEVELS ? depth_decode_narrow(coder, layout, depth)
+                                                                   : depth_decode_wide(coder, layout, depth);
 }
 
 // Behind the method and the size.
-static enum status decode_coded(struct depth_coder *c, int method, const uint8_t *at, const uint8_t *end,
+static enum status decode_coded(struct depth_coder *coder, int method, const uint8_t *at, const uint8_t *end,
                                 const struct depth_size *size, uint16_t *depth)
 {
     if (end - at < DEPTH_HEADER - 5)
@@ -208,16 +209,16 @@ static enum status decode_coded(struct depth_coder *c, int method, const uint8_t
     if (levels > 65536 || head_plain > 3 * (size_t)levels + rans_frequencies_max(contexts) || head_packed > left ||
         first > left - head_packed)
         return damaged();
-    enum status status = depth_coder_grow(&c->head, &c->head_capacity, head_plain + 1);
+    enum status status = depth_coder_grow(&coder->head, &coder->head_capacity, head_plain + 1);
     if (status == OK)
-        status = decompress_bytes(c->compressor, at, head_packed, c->head, head_plain);
+        status = decompress_bytes(coder->compressor, at, head_packed, coder->head, head_plain);
     if (status != OK)
         return status;
-    if (!read_head(c, contexts, c->head, c->head + head_plain, levels))
+    if (!read_head(coder, contexts, coder->head, coder->head + head_plain, levels))
         return damaged();
     const struct depth_code code = {at + head_packed, left - head_packed, first};
-    status =
-        decode_pixels(c, method, &code, &(struct depth_layout){size->width, size->height, noise, (int)levels}, depth);
+    status = decode_pixels(coder, method, &code, &(struct depth_layout){size->width, size->height, noise, (int)levels},
+                           depth);
     return status == NOTHING ? damaged() : status;
 }
 

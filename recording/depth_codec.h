@@ -8,7 +8,7 @@
 struct depth_coder; // scratch memory kept between images: 1.5 MB and at most 24 bytes a pixel
 
 MUST_CHECK enum status depth_coder_open(struct depth_coder **out); // ERR_MEMORY: *out is then NULL
-void depth_coder_close(struct depth_coder **c);                    // NULL is fine; sets *c = NULL
+void depth_coder_close(struct depth_coder **coder);                // NULL is fine; sets *coder = NULL
 
 // An image has 1..16384 pixels a side and any uint16_t values. *bytes belongs to the coder and is valid until its next
 // call. ERR_MEMORY: *bytes and *count are then undefined, and the coder can be used again.

@@ -28,13 +28,13 @@ struct pixel_decoder {
     bool damaged;
 };
 
-static void set_context(struct pixel_decoder *d, int index)
+static void set_context(struct pixel_decoder *decoder, int index)
 {
     const int left = index >= LEFT_HOLE, within = index - left * LEFT_HOLE, slopes = within - INDEX_STRAIGHT - 2;
     const int above = within < 125 ? 0 : (within - INDEX_HOLES) / 5; // holes
     const bool straight = !left && !above;
-    d->context_of[index] = d->contexts + (straight ? abs(slopes) : HOLE_CONTEXTS + left + 2 * above);
-    d->mirrored[index] = straight && slopes < 0 ? RANS_PLAIN : 0;
+    decoder->context_of[index] = decoder->contexts + (straight ? abs(slopes) : HOLE_CONTEXTS + left + 2 * above);
+    decoder->mirrored[index] = straight && slopes < 0 ? RANS_PLAIN : 0;
 }
 
 static int residual_of(uint32_t number, bool mirrored)
@@ -45,27 +45,27 @@ static int residual_of(uint32_t number, bool mirrored)
 
 // Of each difference of fills, -DIFFERENCE_MAX and up, its slope (depth_rows.inl's slopes_of) + 2.
 enum { DIFFERENCE_MAX = UINT16_MAX };
-static void set_slopes(struct depth_coder *c, int noise)
+static void set_slopes(struct depth_coder *coder, int noise)
 {
     const int edge = 3 * noise + 1, ends[] = {-edge - 1, -noise - 1, noise, edge, DIFFERENCE_MAX}; // of slopes -2 .. 2
     for (int hole = 0; hole < 2; hole++)
         for (int slope = 0, from = -DIFFERENCE_MAX; slope < 5; from = ends[slope++] + 1)
-            memset(c->slopes[hole] + DIFFERENCE_MAX + from, slope + hole * LEFT_HOLE, (size_t)(ends[slope] + 1 - from));
-    c->slopes_noise = noise;
+            memset(coder->slopes[hole] + DIFFERENCE_MAX + from, slope + hole * LEFT_HOLE, (size_t)(ends[slope] + 1 - from));
+    coder->slopes_noise = noise;
 }
 
-static void decoder_begin(struct pixel_decoder *d, struct depth_coder *c)
+static void decoder_begin(struct pixel_decoder *decoder, struct depth_coder *coder)
 {
-    d->contexts = c->rans->context;
+    decoder->contexts = coder->rans->context;
     for (uint32_t n = 1; n < RANS_PLAIN; n++)
         for (int mirrored = 0; mirrored < 2; mirrored++)
-            d->residual[mirrored * RANS_PLAIN + (int)n] = (int8_t)residual_of(n, mirrored);
+            decoder->residual[mirrored * RANS_PLAIN + (int)n] = (int8_t)residual_of(n, mirrored);
     for (int i = 0; i < INDICES; i++)
-        set_context(d, i);
-    if (c->slopes_noise != d->noise)
-        set_slopes(c, d->noise);
+        set_context(decoder, i);
+    if (coder->slopes_noise != decoder->noise)
+        set_slopes(coder, decoder->noise);
     for (int hole = 0; hole < 2; hole++)
-        d->slopes[hole] = c->slopes[hole] + DIFFERENCE_MAX;
+        decoder->slopes[hole] = coder->slopes[hole] + DIFFERENCE_MAX;
 }
 
 struct left_pixel {
@@ -73,44 +73,44 @@ struct left_pixel {
     const uint8_t *slopes;
 };
 
-static inline __attribute__((always_inline)) void decode_pixel(const struct pixel_decoder *d, struct row *row,
+static inline __attribute__((always_inline)) void decode_pixel(const struct pixel_decoder *decoder, struct row *row,
                                                                const struct row *above, ptrdiff_t x,
                                                                struct rans_reader *from, struct left_pixel *left)
 {
     const ptrdiff_t b = above->filled[x], c = above->filled[x - 1];
     const size_t index = (unsigned)row->index[x] + left->slopes[c - left->fill];
     const ptrdiff_t predicted = depth_predict(left->fill, b, c);
-    const struct rans_context *context = d->context_of[index];
+    const struct rans_context *context = decoder->context_of[index];
     size_t symbol = rans_look(context, from);
     LEVEL level;
     if (symbol - 1 < RANS_PLAIN - 1) { // by far the most
         rans_take(context, from, symbol);
-        left->fill = (predicted + d->residual[d->mirrored[index] + symbol]) & LEVEL_MASK;
-        left->slopes = d->slopes[0];
+        left->fill = (predicted + decoder->residual[decoder->mirrored[index] + symbol]) & LEVEL_MASK;
+        left->slopes = decoder->slopes[0];
         level = (LEVEL)left->fill;
     } else {
         if (symbol >= RANS_SYMBOLS)
             symbol = rans_search(context, from);
         rans_take(context, from, symbol);
         const uint32_t number = symbol < RANS_PLAIN ? (uint32_t)symbol : rans_pull_large(from, (uint32_t)symbol);
-        left->fill = symbol ? (predicted + residual_of(number, d->mirrored[index])) & LEVEL_MASK : predicted;
-        left->slopes = d->slopes[!symbol];
+        left->fill = symbol ? (predicted + residual_of(number, decoder->mirrored[index])) & LEVEL_MASK : predicted;
+        left->slopes = decoder->slopes[!symbol];
         level = symbol ? (LEVEL)left->fill : HOLE;
     }
     row->level[x] = level;
     row->filled[x] = (LEVEL)left->fill;
 }
 
-static inline struct left_pixel left_of(const struct pixel_decoder *d, const struct row *row, int x)
+static inline struct left_pixel left_of(const struct pixel_decoder *decoder, const struct row *row, int x)
 {
-    return (struct left_pixel){row->filled[x - 1], d->slopes[row->level[x - 1] == HOLE]};
+    return (struct left_pixel){row->filled[x - 1], decoder->slopes[row->level[x - 1] == HOLE]};
 }
 
-static inline void look_above(const struct pixel_decoder *d, struct row *row, const struct row *above, int x)
+static inline void look_above(const struct pixel_decoder *decoder, struct row *row, const struct row *above, int x)
 {
     for (const int end = x + BLOCK; x < end; x += LANES) {
         const lanes holes = holes_above(above, x); // 2 or 4 or both
-        const lanes straight = slopes_above(above, x, d->noise) + INDEX_STRAIGHT;
+        const lanes straight = slopes_above(above, x, decoder->noise) + INDEX_STRAIGHT;
         store(row->index + x, select_lanes(holes == 0, straight, holes + holes + (holes >> 1) + INDEX_HOLES));
     }
 }
@@ -131,18 +131,18 @@ static void predict_block(struct row *row, const struct row *above, int x, int c
 }
 
 // The cursor's next block.
-static void decode_block(const struct pixel_decoder *d, struct cursor *at)
+static void decode_block(const struct pixel_decoder *decoder, struct cursor *at)
 {
     struct row *row = at->row;
-    const int x = 1 + at->block * BLOCK, count = d->width - x + 1 < BLOCK ? d->width - x + 1 : BLOCK;
+    const int x = 1 + at->block * BLOCK, count = decoder->width - x + 1 < BLOCK ? decoder->width - x + 1 : BLOCK;
     const enum block_kind kind = row->kind[at->block++];
     at->knows = false;
     if (kind == BLOCK_CODED) {
         struct rans_reader from = at->reader;
-        struct left_pixel left = left_of(d, row, x);
-        look_above(d, row, at->above, x);
+        struct left_pixel left = left_of(decoder, row, x);
+        look_above(decoder, row, at->above, x);
         for (int i = 0; i < count; i++)
-            decode_pixel(d, row, at->above, x + i, &from, &left);
+            decode_pixel(decoder, row, at->above, x + i, &from, &left);
         at->reader = from;
     } else if (kind == BLOCK_PREDICTED) {
         predict_block(row, at->above, x, count);
@@ -152,36 +152,36 @@ static void decode_block(const struct pixel_decoder *d, struct cursor *at)
     }
 }
 
-static inline __attribute__((always_inline)) void decode_kind(struct pixel_decoder *d, struct cursor *at,
+static inline __attribute__((always_inline)) void decode_kind(struct pixel_decoder *decoder, struct cursor *at,
                                                               struct rans_reader *from)
 {
-    const size_t kind = rans_pull_symbol(&d->contexts[kind_context(at->row, at->above, at->block)], from);
-    d->damaged |= kind >= BLOCK_KINDS;
+    const size_t kind = rans_pull_symbol(&decoder->contexts[kind_context(at->row, at->above, at->block)], from);
+    decoder->damaged |= kind >= BLOCK_KINDS;
     at->row->kind[at->block] = kind < BLOCK_KINDS ? (uint8_t)kind : BLOCK_CODED;
     at->knows = true;
 }
 
 // The next blocks of both cursors, which are whole and coded; and what kinds those after them are.
-static void decode_two_blocks(struct pixel_decoder *d)
+static void decode_two_blocks(struct pixel_decoder *decoder)
 {
-    struct cursor *a = &d->cursor[0], *b = &d->cursor[1];
-    struct rans_reader from_a = a->reader, from_b = b->reader;
-    struct row *row_a = a->row, *row_b = b->row;
-    const struct row *above_a = a->above, *above_b = b->above;
-    const int x_a = 1 + a->block++ * BLOCK, x_b = 1 + b->block++ * BLOCK;
-    struct left_pixel left_a = left_of(d, row_a, x_a), left_b = left_of(d, row_b, x_b);
-    look_above(d, row_a, above_a, x_a);
-    look_above(d, row_b, above_b, x_b);
+    struct cursor *cursor = &decoder->cursor[0], *b = &decoder->cursor[1];
+    struct rans_reader from_a = cursor->reader, from_b = b->reader;
+    struct row *row_a = cursor->row, *row_b = b->row;
+    const struct row *above_a = cursor->above, *above_b = b->above;
+    const int x_a = 1 + cursor->block++ * BLOCK, x_b = 1 + b->block++ * BLOCK;
+    struct left_pixel left_a = left_of(decoder, row_a, x_a), left_b = left_of(decoder, row_b, x_b);
+    look_above(decoder, row_a, above_a, x_a);
+    look_above(decoder, row_b, above_b, x_b);
     for (int i = 0; i < BLOCK; i++) {
-        decode_pixel(d, row_a, above_a, x_a + i, &from_a, &left_a);
-        decode_pixel(d, row_b, above_b, x_b + i, &from_b, &left_b);
+        decode_pixel(decoder, row_a, above_a, x_a + i, &from_a, &left_a);
+        decode_pixel(decoder, row_b, above_b, x_b + i, &from_b, &left_b);
     }
-    a->knows = b->knows = false;
-    if (a->block < d->blocks)
-        decode_kind(d, a, &from_a);
-    if (b->block < d->blocks)
-        decode_kind(d, b, &from_b);
-    a->reader = from_a;
+    cursor->knows = b->knows = false;
+    if (cursor->block < decoder->blocks)
+        decode_kind(decoder, cursor, &from_a);
+    if (b->block < decoder->blocks)
+        decode_kind(decoder, b, &from_b);
+    cursor->reader = from_a;
     b->reader = from_b;
 }
 
@@ -198,54 +198,54 @@ static bool are_levels(const struct row *row, int width, int levels)
     return no_bits(beyond);
 }
 
-static void begin_row(struct pixel_decoder *d, struct cursor *at, int y)
+static void begin_row(struct pixel_decoder *decoder, struct cursor *at, int y)
 {
     at->y = y;
     at->block = 0;
     at->knows = false;
-    at->row = row_at(d->rows, y);
-    at->above = row_at(d->rows, y - 1);
+    at->row = row_at(decoder->rows, y);
+    at->above = row_at(decoder->rows, y - 1);
 }
 
-static void end_row(struct pixel_decoder *d, struct cursor *at, const uint16_t *depth_of, uint16_t *depth)
+static void end_row(struct pixel_decoder *decoder, struct cursor *at, const uint16_t *depth_of, uint16_t *depth)
 {
-    set_right(at->row, d->width);
-    d->damaged |= !are_levels(at->row, d->width, d->levels) || !rans_is_within(&at->reader);
-    depth += (ptrdiff_t)at->y * d->width;
+    set_right(at->row, decoder->width);
+    decoder->damaged |= !are_levels(at->row, decoder->width, decoder->levels) || !rans_is_within(&at->reader);
+    depth += (ptrdiff_t)at->y * decoder->width;
     const LEVEL *level = at->row->level + 1;
 #pragma GCC unroll 8
-    for (int x = 0; x < d->width; x++)
+    for (int x = 0; x < decoder->width; x++)
         depth[x] = depth_of[level[x]];
-    begin_row(d, at, at->y + RANS_STREAMS);
+    begin_row(decoder, at, at->y + RANS_STREAMS);
 }
 
 // Whether the row above, in which `other` may be, has come far enough for the next block. Makes that known.
-static inline bool is_ready(struct pixel_decoder *d, struct cursor *at, const struct cursor *other)
+static inline bool is_ready(struct pixel_decoder *decoder, struct cursor *at, const struct cursor *other)
 {
-    if (at->y >= d->height || (other->y < at->y && other->block < at->block + LAG))
+    if (at->y >= decoder->height || (other->y < at->y && other->block < at->block + LAG))
         return false;
     if (at->block == 0)
         set_left(at->row, at->above);
     if (!at->knows)
-        decode_kind(d, at, &at->reader);
+        decode_kind(decoder, at, &at->reader);
     return true;
 }
 
-static inline bool is_coded(const struct pixel_decoder *d, const struct cursor *at)
+static inline bool is_coded(const struct pixel_decoder *decoder, const struct cursor *at)
 {
-    return at->row->kind[at->block] == BLOCK_CODED && (at->block + 1) * BLOCK <= d->width;
+    return at->row->kind[at->block] == BLOCK_CODED && (at->block + 1) * BLOCK <= decoder->width;
 }
 
 // Blocks that are not coded are cheap: at one, that cursor goes ahead, so that nearly all coded blocks meet one of the
 // other cursor's.
-static inline void decode_next(struct pixel_decoder *d)
+static inline void decode_next(struct pixel_decoder *decoder)
 {
-    struct cursor *a = &d->cursor[0], *b = &d->cursor[1];
-    const bool ready_a = is_ready(d, a, b), ready_b = is_ready(d, b, a);
-    if (ready_a && ready_b && is_coded(d, a) && is_coded(d, b))
-        decode_two_blocks(d);
+    struct cursor *cursor = &decoder->cursor[0], *b = &decoder->cursor[1];
+    const bool ready_a = is_ready(decoder, cursor, b), ready_b = is_ready(decoder, b, cursor);
+    if (ready_a && ready_b && is_coded(decoder, cursor) && is_coded(decoder, b))
+        decode_two_blocks(decoder);
     else
-        decode_block(d, ready_a && (!ready_b || !is_coded(d, a)) ? a : b);
+        decode_block(decoder, ready_a && (!ready_b || !is_coded(decoder, cursor)) ? cursor : b);
 }
 
 enum status DEPTH_DECODE(struct depth_coder *c, const struct depth_layout *l, uint16_t *depth)

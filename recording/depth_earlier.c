@@ -83,19 +83,20 @@ static int slope_of(int difference, int noise)
     return (difference > noise) + (difference > edge) - (difference < -noise) - (difference < -edge);
 }
 
-static void set_pixel(struct earlier_rows *r, int x, int level, int fill)
+static void set_pixel(struct earlier_rows *rows, int x, int level, int fill)
 {
-    r->level[x] = level;
-    r->filled[x] = fill;
+    rows->level[x] = level;
+    rows->filled[x] = fill;
 }
 
 // run: the remaining pixels of a run; -1: not read yet
-static bool decode_row(struct earlier_reader *in, struct earlier_rows *r, const struct depth_layout *l, int64_t *run)
+static bool decode_row(struct earlier_reader *in, struct earlier_rows *rows, const struct depth_layout *layout,
+                       int64_t *run)
 {
-    const int most = l->levels ? l->levels : 65536;
-    for (int x = 1; x <= l->width; x++) {
-        const int *above = r->level_above + x, *fills = r->filled_above + x;
-        const int left = r->level[x - 1], fill = r->filled[x - 1];
+    const int max = layout->levels ? layout->levels : 65536;
+    for (int x = 1; x <= layout->width; x++) {
+        const int *above = rows->level_above + x, *fills = rows->filled_above + x;
+        const int left = rows->level[x - 1], fill = rows->filled[x - 1];
         int context = FLAT_MISS, sign = 1;
         uint32_t number;
         if (left == above[0] && left == above[-1] && left == above[1]) {
@@ -105,13 +106,14 @@ static bool decode_row(struct earlier_reader *in, struct earlier_rows *r, const 
                 *run = number;
             }
             if ((*run)-- > 0) {
-                set_pixel(r, x, left, fill);
+                set_pixel(rows, x, left, fill);
                 continue;
             }
         } else {
             const int holes = (left == HOLE) + 2 * (above[0] == HOLE) + 4 * (above[1] == HOLE);
-            const int index = 25 * slope_of(fills[1] - fills[0], l->noise) +
-                              5 * slope_of(fills[0] - fills[-1], l->noise) + slope_of(fills[-1] - fill, l->noise);
+            const int index = 25 * slope_of(fills[1] - fills[0], layout->noise) +
+                              5 * slope_of(fills[0] - fills[-1], layout->noise) +
+                              slope_of(fills[-1] - fill, layout->noise);
             sign = index < 0 && !holes ? -1 : 1;
             context = holes ? HOLE_CONTEXTS + holes : sign * index;
         }
@@ -119,21 +121,21 @@ static bool decode_row(struct earlier_reader *in, struct earlier_rows *r, const 
         if (!pull(in, context, &number))
             return false;
         const int m = (int)number - 1, level = number ? predicted + sign * (m % 2 ? -(m + 1) / 2 : m / 2) : HOLE;
-        if (level < 0 || level >= most || (number && level == HOLE))
+        if (level < 0 || level >= max || (number && level == HOLE))
             return false;
-        set_pixel(r, x, level, number ? level : predicted);
+        set_pixel(rows, x, level, number ? level : predicted);
     }
     return true;
 }
 
-static void next_row(struct earlier_rows *r, int width)
+static void next_row(struct earlier_rows *rows, int width)
 {
-    const struct earlier_rows old = *r;
-    *r = (struct earlier_rows){old.level_above, old.filled_above, old.level, old.filled};
-    r->level[0] = r->level_above[0] = r->level_above[1];
-    r->filled[0] = r->filled_above[0] = r->filled_above[1];
-    r->level_above[width + 1] = r->level_above[width];
-    r->filled_above[width + 1] = r->filled_above[width];
+    const struct earlier_rows old = *rows;
+    *rows = (struct earlier_rows){old.level_above, old.filled_above, old.level, old.filled};
+    rows->level[0] = rows->level_above[0] = rows->level_above[1];
+    rows->filled[0] = rows->filled_above[0] = rows->filled_above[1];
+    rows->level_above[width + 1] = rows->level_above[width];
+    rows->filled_above[width + 1] = rows->filled_above[width];
 }
 
 enum status depth_decode_earlier(struct depth_coder *c, int states, const struct depth_code *code,

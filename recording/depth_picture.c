@@ -9,7 +9,7 @@
 // the sensor's steps even out, but over no edge higher than EDGE_MM. Beyond STEPS_FROM_MM that grows as the square of
 // the distance, as a Kinect's steps do (2 cm at 2.5 m, 5 at 4.2 m). All chosen by hand.
 static const double REACH_M = 0.06, STEPS_FROM_MM = 2500;
-enum { LEAST_REACH = 2, MOST_REACH = 24, ACROSS = 4, EDGE_MM = 60, ENOUGH = 6 };
+enum { MIN_REACH = 2, MAX_REACH = 24, ACROSS = 4, EDGE_MM = 60, ENOUGH = 6 };
 
 // To the lamp, in the camera's axes (x right, y down, z forward); and the share of light that comes from everywhere.
 static const struct vec3 LAMP = {-0.35, -0.6, -0.72};
@@ -22,17 +22,17 @@ struct plane_sums {
     double n, x, y, xx, xy, yy, w, xw, yw;
 };
 
-static inline void add(struct plane_sums *s, double dx, double dy, double w)
+static inline void add(struct plane_sums *sums, double dx, double dy, double w)
 {
-    s->n += 1;
-    s->x += dx;
-    s->y += dy;
-    s->xx += dx * dx;
-    s->xy += dx * dy;
-    s->yy += dy * dy;
-    s->w += w;
-    s->xw += dx * w;
-    s->yw += dy * w;
+    sums->n += 1;
+    sums->x += dx;
+    sums->y += dy;
+    sums->xx += dx * dx;
+    sums->xy += dx * dy;
+    sums->yy += dy * dy;
+    sums->w += w;
+    sums->xw += dx * w;
+    sums->yw += dy * w;
 }
 
 // The first multiple of the step from there on that is in the image.
@@ -40,21 +40,21 @@ static int first_multiple(int first, int step) { return first > 0 ? (first + ste
 
 // Of the person's surface about (x, y). False: too few depths.
 static bool fit_plane(const struct lens *lens, const uint16_t *depth, const uint8_t *mask, int x, int y,
-                      struct plane_sums *s)
+                      struct plane_sums *sums)
 {
     const int z = depth[y * lens->width + x];
-    const int reach = (int)fmin(fmax(round(REACH_M * lens->fx * 1000 / z), LEAST_REACH), MOST_REACH);
+    const int reach = (int)fmin(fmax(round(REACH_M * lens->fx * 1000 / z), MIN_REACH), MAX_REACH);
     const int step = (reach + ACROSS - 1) / ACROSS;
     const double steps = z / STEPS_FROM_MM, edge_mm = EDGE_MM * fmax(1, steps * steps);
-    *s = (struct plane_sums){0};
+    *sums = (struct plane_sums){0};
     // At multiples of the step, so that neighbours, which share most of them, share their noise, too.
     for (int v = first_multiple(y - reach, step); v <= y + reach && v < lens->height; v += step)
         for (int u = first_multiple(x - reach, step); u <= x + reach && u < lens->width; u += step) {
             const int at = v * lens->width + u;
             if (mask[at] && depth[at] && abs(depth[at] - z) <= edge_mm)
-                add(s, u - x, v - y, 1000.0 / depth[at]);
+                add(sums, u - x, v - y, 1000.0 / depth[at]);
         }
-    return s->n >= ENOUGH;
+    return sums->n >= ENOUGH;
 }
 
 // The cosine between the lamp and the surface's normal; one that faces the camera where it cannot be told.
@@ -109,12 +109,12 @@ void depth_picture_draw(const struct lens *lens, const uint16_t *depth, const ui
             draw_block(lens, depth, mask, x, y, rgb);
 }
 
-bool depth_picture_replaces_color(struct calibration *c)
+bool depth_picture_replaces_color(struct calibration *calibration)
 {
-    if (c->color.width || !c->depth.width)
+    if (calibration->color.width || !calibration->depth.width)
         return false;
-    c->color = c->depth;
-    c->color_from_depth = POSE_IDENTITY;
-    c->registered = true;
+    calibration->color = calibration->depth;
+    calibration->color_from_depth = POSE_IDENTITY;
+    calibration->registered = true;
     return true;
 }

@@ -19,6 +19,6 @@ static inline int frames_without_color(int before, bool has_color)
     return has_color ? 0 : before < DEPTH_PICTURE_AFTER ? before + 1 : before;
 }
 
-// True: there is no colour camera but a depth camera, whose pictures are drawn instead; *c then says that colour has
-// its lens. False: *c is unchanged.
-bool depth_picture_replaces_color(struct calibration *c);
+// True: there is no colour camera but a depth camera, whose pictures are drawn instead; *calibration then says that
+// colour has its lens. False: *calibration is unchanged.
+bool depth_picture_replaces_color(struct calibration *calibration);

@@ -8,7 +8,7 @@
 #include <string.h>
 
 enum { VECTOR_BYTES = 16, LANES = VECTOR_BYTES / (int)sizeof(LEVEL), BLOCK = DEPTH_BLOCK, PAD = 2 * BLOCK };
-enum { WIDEST = 16384, ROW = WIDEST + 2 + PAD, BLOCKS_MOST = WIDEST / BLOCK };
+enum { WIDEST = 16384, ROW = WIDEST + 2 + PAD, BLOCKS_MAX = WIDEST / BLOCK };
 
 typedef LEVEL lanes __attribute__((vector_size(VECTOR_BYTES))); // comparisons give all bits of a lane, or none
 
@@ -59,7 +59,7 @@ static inline void fill_all(LEVEL *values, LEVEL value) // a whole block
 struct row {
     LEVEL level[ROW], filled[ROW];
     LEVEL index[ROW];              // decoding: of each pixel the part of its context's index that the row above gives
-    uint8_t kind[BLOCKS_MOST + 1]; // enum block_kind; BLOCK_CODED behind the last
+    uint8_t kind[BLOCKS_MAX + 1]; // enum block_kind; BLOCK_CODED behind the last
 };
 
 // The latest rows, row y in [y % ROWS]. Above the first row is a row of holes.
@@ -68,12 +68,12 @@ enum { ROWS = 4 };
 static inline struct row *row_at(struct row *rows, int y) { return rows + ((unsigned)y % ROWS); }
 
 // *out belongs to the coder.
-static enum status rows_begin(struct depth_coder *c, struct row **out, int width)
+static enum status rows_begin(struct depth_coder *coder, struct row **out, int width)
 {
-    enum status status = depth_coder_grow(&c->rows, &c->rows_capacity, ROWS * sizeof **out);
+    enum status status = depth_coder_grow(&coder->rows, &coder->rows_capacity, ROWS * sizeof **out);
     if (status != OK)
         return status;
-    struct row *rows = *out = (struct row *)(void *)c->rows; // aligned: from realloc
+    struct row *rows = *out = (struct row *)(void *)coder->rows; // aligned: from realloc
     const size_t used = ((size_t)width + 2 + PAD) * sizeof(LEVEL);
     for (int i = 0; i < ROWS; i++) {
         memset(rows[i].level, 0, used);

@@ -1,7 +1,7 @@
 // The mask codec: each pixel is compared with the one above it; the lengths of alternating runs of equal and different
 // pixels are stored as varints and compressed with zstd.
-#include "recording/little_endian.h"
 #include "recording/codec_internal.h"
+#include "recording/little_endian.h"
 
 enum { HEADER = 1 + 2 + 2 + 4, VERSION = 0 };
 

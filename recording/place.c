@@ -12,39 +12,43 @@
 // than one without.
 static const double LAMBDA = 4;
 
-static bool known(const struct skeleton *s, enum joint a) { return s->confidence[a] > 0; }
+static bool is_joint_known(const struct skeleton *skeleton, enum joint joint)
+{
+    return skeleton->confidence[joint] > 0;
+}
 
 // theta_n * a_n of equation 3 for one arm: the angle between torso and arm, times
 // how parallel to the image plane the arm is.
-static double arm_term(const struct skeleton *s, enum joint shoulder, enum joint hand)
+static double arm_term(const struct skeleton *skeleton, enum joint shoulder, enum joint hand)
 {
-    if (!known(s, shoulder) || !known(s, hand) || !known(s, JOINT_NECK) || !known(s, JOINT_TORSO))
+    if (!is_joint_known(skeleton, shoulder) || !is_joint_known(skeleton, hand) ||
+        !is_joint_known(skeleton, JOINT_NECK) || !is_joint_known(skeleton, JOINT_TORSO))
         return 0;
-    struct vec3 arm = v3_unit(v3_sub(s->joint[hand], s->joint[shoulder]));
-    struct vec3 torso = v3_unit(v3_sub(s->joint[JOINT_TORSO], s->joint[JOINT_NECK]));
+    struct vec3 arm = v3_unit(v3_sub(skeleton->joint[hand], skeleton->joint[shoulder]));
+    struct vec3 torso = v3_unit(v3_sub(skeleton->joint[JOINT_TORSO], skeleton->joint[JOINT_NECK]));
     double theta = portable_acos(fmax(-1, fmin(1, v3_dot(arm, torso))));
     return theta * fabs(arm.x);
 }
 
 // g of equation 2: 1 when the legs are not crossed. For a person seen from behind,
 // left and right have changed sides in the image.
-static double legs_uncrossed(const struct skeleton *s)
+static double legs_uncrossed(const struct skeleton *skeleton)
 {
     const enum joint need[] = {JOINT_LEFT_HIP, JOINT_LEFT_FOOT, JOINT_RIGHT_HIP, JOINT_RIGHT_FOOT};
     for (size_t i = 0; i < COUNT_OF(need); i++)
-        if (!known(s, need[i]))
+        if (!is_joint_known(skeleton, need[i]))
             return 0;
-    struct vec3 left = v3_unit(v3_sub(s->joint[JOINT_LEFT_FOOT], s->joint[JOINT_LEFT_HIP]));
-    struct vec3 right = v3_unit(v3_sub(s->joint[JOINT_RIGHT_FOOT], s->joint[JOINT_RIGHT_HIP]));
-    bool faces_camera = s->joint[JOINT_LEFT_HIP].x >= s->joint[JOINT_RIGHT_HIP].x;
+    struct vec3 left = v3_unit(v3_sub(skeleton->joint[JOINT_LEFT_FOOT], skeleton->joint[JOINT_LEFT_HIP]));
+    struct vec3 right = v3_unit(v3_sub(skeleton->joint[JOINT_RIGHT_FOOT], skeleton->joint[JOINT_RIGHT_HIP]));
+    bool faces_camera = skeleton->joint[JOINT_LEFT_HIP].x >= skeleton->joint[JOINT_RIGHT_HIP].x;
     // phi is the angle to the x axis, so phi_R > phi_L means that the left leg leans more to +x.
     return faces_camera ? left.x > right.x : right.x > left.x;
 }
 
-double pose_score(const struct skeleton *s)
+double pose_score(const struct skeleton *skeleton)
 {
-    return arm_term(s, JOINT_LEFT_SHOULDER, JOINT_LEFT_HAND) + arm_term(s, JOINT_RIGHT_SHOULDER, JOINT_RIGHT_HAND) +
-           LAMBDA * legs_uncrossed(s);
+    return arm_term(skeleton, JOINT_LEFT_SHOULDER, JOINT_LEFT_HAND) +
+           arm_term(skeleton, JOINT_RIGHT_SHOULDER, JOINT_RIGHT_HAND) + LAMBDA * legs_uncrossed(skeleton);
 }
 
 // ---------------------------------------------------------------- place

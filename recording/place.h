@@ -2,9 +2,9 @@
 // used by locate. World axes: z up, z = 0 on the floor, metres; x and y are the lowest-numbered tag's; without tags x
 // points to the right of the sweep's first view, and the origin is below it.
 #pragma once
-#include "recording/skeleton.h"
 #include "base/lens.h"
 #include "base/status.h"
+#include "recording/skeleton.h"
 
 // ---------------------------------------------------------------- pose score
 

@@ -1,7 +1,7 @@
 #include "recording/prepared.h"
 
-#include "recording/recording_reader.h"
 #include "platform/files/compress.h"
+#include "recording/recording_reader.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -38,7 +38,7 @@ static enum status has_table(struct database *db, bool *out)
 }
 
 // Unpacks `packed`, whose first eight bytes are the plain size. NOTHING: damaged.
-static enum status unpack(const uint8_t *packed, size_t packed_count, uint8_t **bytes, size_t *count)
+static enum status unpack_bytes(const uint8_t *packed, size_t packed_count, uint8_t **bytes, size_t *count)
 {
     uint64_t plain = 0;
     struct compressor *compressor;
@@ -84,13 +84,13 @@ enum status prepared_read(const struct take *take, enum prepared_kind kind, int 
             statement_number(s, 3) != crc32_of(0, packed, packed_count))
             status = NOTHING;
         else
-            status = unpack(packed, packed_count, bytes, count);
+            status = unpack_bytes(packed, packed_count, bytes, count);
     }
     statement_close(&s);
     return status == ERR_CORRUPT || status == ERR_FORMAT ? NOTHING : status;
 }
 
-static enum status pack(const void *bytes, size_t count, uint8_t **packed, size_t *packed_count)
+static enum status pack_bytes(const void *bytes, size_t count, uint8_t **packed, size_t *packed_count)
 {
     struct compressor *compressor;
     enum status status = compressor_open(&compressor);
@@ -124,8 +124,8 @@ static enum status check_idle(struct database *db)
     return status;
 }
 
-static enum status insert(struct database *db, const struct take *take, int64_t id, int version, const uint8_t *packed,
-                          size_t packed_count)
+static enum status insert_prepared(struct database *db, const struct take *take, int64_t id, int version,
+                                   const uint8_t *packed, size_t packed_count)
 {
     struct statement *s = NULL;
     enum status status = statement_open(&s, db,
@@ -147,15 +147,16 @@ static enum status insert(struct database *db, const struct take *take, int64_t 
 
 // NOTHING: what lies at the path now has no such take: it was replaced, or the take was deleted or trimmed, since it
 // was opened. The one person's body must not come into the other's file, nor be left where it was deleted.
-static enum status check_same(struct recording *r, const struct take *take)
+static enum status check_same(struct recording *recording, const struct take *take)
 {
     const char *name = NULL;
     struct take *now = NULL;
-    for (int i = 0; i < recording_take_count(r) && !name; i++)
-        name = recording_take_id(r, i) == take_id(take) ? recording_take_name(r, i) : NULL;
+    for (int i = 0; i < recording_take_count(recording) && !name; i++)
+        name = recording_take_id(recording, i) == take_id(take) ? recording_take_name(recording, i) : NULL;
     if (!name)
         return NOTHING;
-    enum status status = take_is_drawn_from_depth(take) ? take_open_drawn(&now, r, name) : take_open(&now, r, name);
+    enum status status =
+        take_is_drawn_from_depth(take) ? take_open_drawn(&now, recording, name) : take_open(&now, recording, name);
     if (status == OK)
         status = take_id(now) == take_id(take) && take_index_crc(now) == take_index_crc(take) ? OK : NOTHING;
     take_close(&now);
@@ -175,7 +176,7 @@ enum status prepared_write(const char *path, const struct take *take, enum prepa
         status = check_idle(db);
     }
     if (status == OK)
-        status = pack(bytes, count, &packed, &packed_count);
+        status = pack_bytes(bytes, count, &packed, &packed_count);
     if (status == OK)
         status = database_begin(db);
     if (status == OK)
@@ -183,7 +184,7 @@ enum status prepared_write(const char *path, const struct take *take, enum prepa
     if (status == OK)
         status = check_same(r, take);
     if (status == OK)
-        status = insert(db, take, row_id(take, kind), version, packed, packed_count);
+        status = insert_prepared(db, take, row_id(take, kind), version, packed, packed_count);
     if (status == OK)
         status = database_run(db, "COMMIT");
     if (db && database_in_transaction(db) && database_run(db, "ROLLBACK") != OK)

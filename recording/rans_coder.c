@@ -31,21 +31,21 @@ enum status rans_open(struct rans_coder **out, int contexts)
     return fail(ERR_MEMORY, "no memory for the depth coder");
 }
 
-void rans_close(struct rans_coder **r)
+void rans_close(struct rans_coder **coder)
 {
-    if (!*r)
+    if (!*coder)
         return;
     for (int i = 0; i < RANS_STREAMS; i++) {
-        free((*r)->numbers[i].codes);
-        free((*r)->numbers[i].large);
+        free((*coder)->numbers[i].codes);
+        free((*coder)->numbers[i].large);
     }
-    free((*r)->context);
-    free((*r)->counts);
-    free((*r)->symbols);
-    free((*r)->words);
-    free((*r)->padded);
-    free(*r);
-    *r = NULL;
+    free((*coder)->context);
+    free((*coder)->counts);
+    free((*coder)->symbols);
+    free((*coder)->words);
+    free((*coder)->padded);
+    free(*coder);
+    *coder = NULL;
 }
 
 // ------------------------------------------------------------- encoding
@@ -122,13 +122,13 @@ static struct symbol_code make_symbol_code(uint32_t frequency, uint32_t start)
 }
 
 // Counts into two tables in turn: a code that follows itself would wait for its own count.
-static void count_codes(struct rans_coder *r)
+static void count_codes(struct rans_coder *coder)
 {
-    const size_t codes = (size_t)r->contexts * RANS_SYMBOLS;
-    uint32_t *even = r->counts, *odd = r->counts + codes;
-    memset(r->counts, 0, 2 * codes * sizeof *r->counts);
+    const size_t codes = (size_t)coder->contexts * RANS_SYMBOLS;
+    uint32_t *even = coder->counts, *odd = coder->counts + codes;
+    memset(coder->counts, 0, 2 * codes * sizeof *coder->counts);
     for (int s = 0; s < RANS_STREAMS; s++) {
-        const struct rans_numbers *n = &r->numbers[s];
+        const struct rans_numbers *n = &coder->numbers[s];
         size_t i = 0;
         for (; i + 1 < n->count; i += 2) {
             even[n->codes[i]]++;
@@ -159,40 +159,40 @@ struct stream_encoder {
 };
 
 // The bits of a number from RANS_PLAIN on that its symbol does not hold.
-static inline void code_large(struct stream_encoder *s)
+static inline void code_large(struct stream_encoder *encoder)
 {
-    const uint32_t number = *--s->large;
+    const uint32_t number = *--encoder->large;
     const int remaining = 30 - __builtin_clz(number);
     for (int at = (remaining - 1) / RANS_RAW_BITS * RANS_RAW_BITS; at >= 0; at -= RANS_RAW_BITS) {
         const int count = remaining - at < RANS_RAW_BITS ? remaining - at : RANS_RAW_BITS;
         const uint32_t bits = number >> at & ((UINT32_C(1) << count) - 1);
-        s->state = put_word(s->state, s->state >> (31 - count) != 0, &s->at) << count | bits;
+        encoder->state = put_word(encoder->state, encoder->state >> (31 - count) != 0, &encoder->at) << count | bits;
     }
 }
 
-static inline void code_number(struct stream_encoder *s, const struct symbol_code *symbols)
+static inline void code_number(struct stream_encoder *encoder, const struct symbol_code *symbols)
 {
-    const uint32_t code = *--s->code;
+    const uint32_t code = *--encoder->code;
     if (code % RANS_SYMBOLS >= RANS_PLAIN)
-        code_large(s);
+        code_large(encoder);
     const struct symbol_code *symbol = &symbols[code];
-    const uint32_t state = put_word(s->state, s->state >= symbol->most, &s->at);
+    const uint32_t state = put_word(encoder->state, encoder->state >= symbol->most, &encoder->at);
     const uint32_t quotient = (uint32_t)((uint128)state * symbol->reciprocal >> 64);
-    s->state = state + symbol->bias + quotient * symbol->complement;
+    encoder->state = state + symbol->bias + quotient * symbol->complement;
 }
 
-static struct stream_encoder stream_begin(const struct rans_coder *r, int i)
+static struct stream_encoder stream_begin(const struct rans_coder *coder, int i)
 {
-    const struct rans_numbers *n = &r->numbers[i];
-    return (struct stream_encoder){n->codes + n->count, n->large + n->large_count, r->words_end[i], RANS_LOW};
+    const struct rans_numbers *n = &coder->numbers[i];
+    return (struct stream_encoder){n->codes + n->count, n->large + n->large_count, coder->words_end[i], RANS_LOW};
 }
 
 // What one stream has more than the other, then both in turn.
-static void code_streams(struct rans_coder *r)
+static void code_streams(struct rans_coder *coder)
 {
-    const struct symbol_code *symbols = r->symbols;
-    struct stream_encoder a = stream_begin(r, 0), b = stream_begin(r, 1);
-    size_t left = r->numbers[0].count, other = r->numbers[1].count;
+    const struct symbol_code *symbols = coder->symbols;
+    struct stream_encoder a = stream_begin(coder, 0), b = stream_begin(coder, 1);
+    size_t left = coder->numbers[0].count, other = coder->numbers[1].count;
     for (; left > other; left--)
         code_number(&a, symbols);
     for (; other > left; other--)
@@ -201,19 +201,20 @@ static void code_streams(struct rans_coder *r)
         code_number(&a, symbols);
         code_number(&b, symbols);
     }
-    put_u32(r->words_begin[0] = a.at - 4, a.state);
-    put_u32(r->words_begin[1] = b.at - 4, b.state);
+    put_u32(coder->words_begin[0] = a.at - 4, a.state);
+    put_u32(coder->words_begin[1] = b.at - 4, b.state);
 }
 
-static void make_symbol_codes(struct rans_coder *r)
+static void make_symbol_codes(struct rans_coder *coder)
 {
-    for (int c = 0; c < r->contexts; c++) {
+    for (int c = 0; c < coder->contexts; c++) {
         uint16_t frequencies[RANS_SYMBOLS] = {0};
-        scale_frequencies(frequencies, r->counts + (size_t)c * RANS_SYMBOLS);
-        set_shares(r->context[c].shares, frequencies);
+        scale_frequencies(frequencies, coder->counts + (size_t)c * RANS_SYMBOLS);
+        set_shares(coder->context[c].shares, frequencies);
         for (int s = 0; s < RANS_SYMBOLS; s++)
             if (frequencies[s])
-                r->symbols[c * RANS_SYMBOLS + s] = make_symbol_code(frequencies[s], r->context[c].shares[s].start);
+                coder->symbols[c * RANS_SYMBOLS + s] =
+                    make_symbol_code(frequencies[s], coder->context[c].shares[s].start);
     }
 }
 
@@ -239,11 +240,11 @@ enum status rans_finish(struct rans_coder *r, size_t bytes[RANS_STREAMS])
     return OK;
 }
 
-void rans_copy(const struct rans_coder *r, uint8_t *to)
+void rans_copy(const struct rans_coder *coder, uint8_t *to)
 {
     for (int i = 0; i < RANS_STREAMS; i++) {
-        const size_t bytes = (size_t)(r->words_end[i] - r->words_begin[i]);
-        memcpy(to, r->words_begin[i], bytes);
+        const size_t bytes = (size_t)(coder->words_end[i] - coder->words_begin[i]);
+        memcpy(to, coder->words_begin[i], bytes);
         to += bytes;
     }
 }
@@ -252,15 +253,15 @@ void rans_copy(const struct rans_coder *r, uint8_t *to)
 
 size_t rans_frequencies_max(int contexts) { return (size_t)contexts * (1 + 2 * RANS_SYMBOLS); }
 
-uint8_t *rans_put_frequencies(const struct rans_coder *r, uint8_t *at)
+uint8_t *rans_put_frequencies(const struct rans_coder *coder, uint8_t *at)
 {
-    for (int c = 0; c < r->contexts; c++) {
+    for (int c = 0; c < coder->contexts; c++) {
         int used = RANS_SYMBOLS;
-        while (used && !r->context[c].shares[used - 1].frequency)
+        while (used && !coder->context[c].shares[used - 1].frequency)
             used--;
         at = put_u8(at, (uint8_t)used);
         for (int s = 0; s < used; s++)
-            at = put_varint(at, r->context[c].shares[s].frequency);
+            at = put_varint(at, coder->context[c].shares[s].frequency);
     }
     return at;
 }
@@ -284,9 +285,9 @@ static void find_groups(struct rans_group groups[RANS_SUM >> RANS_COARSE], const
     }
 }
 
-bool rans_get_frequencies(struct rans_coder *r, int contexts, const uint8_t *at, const uint8_t *end)
+bool rans_get_frequencies(struct rans_coder *coder, int contexts, const uint8_t *at, const uint8_t *end)
 {
-    assert(contexts <= r->contexts);
+    assert(contexts <= coder->contexts);
     for (int c = 0; c < contexts; c++) {
         uint16_t frequencies[RANS_SYMBOLS] = {0};
         if (at == end || *at > RANS_SYMBOLS_USED)
@@ -302,8 +303,8 @@ bool rans_get_frequencies(struct rans_coder *r, int contexts, const uint8_t *at,
             return false;
         if (!used)
             frequencies[0] = RANS_SUM;
-        set_shares(r->context[c].shares, frequencies);
-        find_groups(r->context[c].groups, r->context[c].shares);
+        set_shares(coder->context[c].shares, frequencies);
+        find_groups(coder->context[c].groups, coder->context[c].shares);
     }
     return at == end;
 }
@@ -338,10 +339,10 @@ enum status rans_start(struct rans_coder *r, const uint8_t *words, const size_t 
     return OK;
 }
 
-bool rans_is_done(const struct rans_coder *r)
+bool rans_is_done(const struct rans_coder *coder)
 {
     for (int i = 0; i < RANS_STREAMS; i++)
-        if (r->reader[i].word != r->reader[i].end || r->reader[i].state != RANS_LOW)
+        if (coder->reader[i].word != coder->reader[i].end || coder->reader[i].state != RANS_LOW)
             return false;
     return true;
 }

@@ -72,7 +72,7 @@ struct rans_coder {
 };
 
 MUST_CHECK enum status rans_open(struct rans_coder **out, int contexts); // at most 255. ERR_MEMORY: *out is then NULL
-void rans_close(struct rans_coder **r);                                  // NULL is fine; sets *r = NULL
+void rans_close(struct rans_coder **coder);                              // NULL is fine; sets *coder = NULL
 
 // ---- encoding: at most `numbers` a stream, and RANS_SLACK codes behind them may be overwritten. ERR_MEMORY:
 // rans_begin must be called again before pushing.
@@ -83,80 +83,81 @@ static inline uint32_t rans_symbol(uint32_t number)
     const int size = 31 - __builtin_clz(number | RANS_PLAIN);
     return number < RANS_PLAIN ? number : RANS_PLAIN + 2 * (uint32_t)(size - 3) + (number >> (size - 1) & 1);
 }
-static inline void rans_push(struct rans_numbers *n, int context, uint32_t number)
+static inline void rans_push(struct rans_numbers *numbers, int context, uint32_t number)
 {
-    n->codes[n->count++] = (uint16_t)((uint32_t)context * RANS_SYMBOLS + rans_symbol(number));
-    n->large[n->large_count] = number;
-    n->large_count += number >= RANS_PLAIN;
+    numbers->codes[numbers->count++] = (uint16_t)((uint32_t)context * RANS_SYMBOLS + rans_symbol(number));
+    numbers->large[numbers->large_count] = number;
+    numbers->large_count += number >= RANS_PLAIN;
 }
 // Encodes everything; gives the number of bytes of each stream. ERR_MEMORY.
 MUST_CHECK enum status rans_finish(struct rans_coder *r, size_t bytes[RANS_STREAMS]);
-void rans_copy(const struct rans_coder *r, uint8_t *to); // all streams in order
-size_t rans_frequencies_max(int contexts);               // bytes that rans_put_frequencies may need
-uint8_t *rans_put_frequencies(const struct rans_coder *r, uint8_t *at);
+void rans_copy(const struct rans_coder *coder, uint8_t *to); // all streams in order
+size_t rans_frequencies_max(int contexts);                   // bytes that rans_put_frequencies may need
+uint8_t *rans_put_frequencies(const struct rans_coder *coder, uint8_t *at);
 
 // ---- decoding
 // False: not frequencies of so many contexts as rans_put_frequencies writes them, or [at, end) is longer or shorter.
-bool rans_get_frequencies(struct rans_coder *r, int contexts, const uint8_t *at, const uint8_t *end);
+bool rans_get_frequencies(struct rans_coder *coder, int contexts, const uint8_t *at, const uint8_t *end);
 // Copies the streams; at most `ahead` bytes are then pulled from a stream before rans_is_within is asked. NOTHING: they
 // are damaged. ERR_MEMORY.
 MUST_CHECK enum status rans_start(struct rans_coder *r, const uint8_t *words, const size_t bytes[RANS_STREAMS],
                                   size_t ahead);
-static inline bool rans_is_within(const struct rans_reader *s) { return s->word <= s->end; }
-bool rans_is_done(const struct rans_coder *r); // all bytes are used up, and the states are the encoder's initial ones
+static inline bool rans_is_within(const struct rans_reader *reader) { return reader->word <= reader->end; }
+bool rans_is_done(
+    const struct rans_coder *coder); // all bytes are used up, and the states are the encoder's initial ones
 
 // A word is taken without a branch, which would be badly predicted.
-static inline void rans_refill(struct rans_reader *s)
+static inline void rans_refill(struct rans_reader *reader)
 {
-    const uint32_t low = -(uint32_t)(s->state < RANS_LOW), word = s->word[0] | (uint32_t)s->word[1] << 8;
-    s->state = s->state << (low & 16) | (word & low);
-    s->word += low & 2;
+    const uint32_t low = -(uint32_t)(reader->state < RANS_LOW), word = reader->word[0] | (uint32_t)reader->word[1] << 8;
+    reader->state = reader->state << (low & 16) | (word & low);
+    reader->word += low & 2;
 }
 
 // A number from RANS_PLAIN on, behind its symbol.
-static inline uint32_t rans_pull_large(struct rans_reader *s, uint32_t symbol)
+static inline uint32_t rans_pull_large(struct rans_reader *reader, uint32_t symbol)
 {
     const int remaining = (int)(symbol - RANS_PLAIN) / 2 + 2;
     uint32_t number = (2 + (symbol & 1)) << remaining;
     for (int at = 0; at < remaining; at += RANS_RAW_BITS) {
         const int count = remaining - at < RANS_RAW_BITS ? remaining - at : RANS_RAW_BITS;
-        number |= (s->state & ((UINT32_C(1) << count) - 1)) << at;
-        s->state >>= count;
-        rans_refill(s);
+        number |= (reader->state & ((UINT32_C(1) << count) - 1)) << at;
+        reader->state >>= count;
+        rans_refill(reader);
     }
     return number;
 }
 
 // The next symbol, which rans_take then takes: a number below RANS_PLAIN, or what rans_pull_large makes one of. From
-// RANS_SYMBOLS on: rans_search finds it. s: best a copy of one of r->reader, which nothing else points to.
+// RANS_SYMBOLS on: rans_search finds it. reader: best a copy of one of r->reader, which nothing else points to.
 static inline __attribute__((always_inline)) size_t rans_look(const struct rans_context *context,
-                                                              const struct rans_reader *s)
+                                                              const struct rans_reader *reader)
 {
-    const struct rans_group group = context->groups[s->state >> RANS_COARSE & ((RANS_SUM >> RANS_COARSE) - 1)];
-    return group.first + (size_t)((s->state & ((1 << RANS_COARSE) - 1)) >= group.split);
+    const struct rans_group group = context->groups[reader->state >> RANS_COARSE & ((RANS_SUM >> RANS_COARSE) - 1)];
+    return group.first + (size_t)((reader->state & ((1 << RANS_COARSE) - 1)) >= group.split);
 }
 
-static inline size_t rans_search(const struct rans_context *context, const struct rans_reader *s)
+static inline size_t rans_search(const struct rans_context *context, const struct rans_reader *reader)
 {
     size_t symbol = 0;
-    while ((s->state & (RANS_SUM - 1)) >= context->shares[symbol + 1].start)
+    while ((reader->state & (RANS_SUM - 1)) >= context->shares[symbol + 1].start)
         symbol++;
     return symbol;
 }
 
-static inline __attribute__((always_inline)) void rans_take(const struct rans_context *context, struct rans_reader *s,
-                                                            size_t symbol)
+static inline __attribute__((always_inline)) void rans_take(const struct rans_context *context,
+                                                            struct rans_reader *reader, size_t symbol)
 {
     const struct rans_share share = context->shares[symbol];
-    s->state = share.frequency * (s->state >> RANS_BITS) + (s->state & (RANS_SUM - 1)) - share.start;
-    rans_refill(s);
+    reader->state = share.frequency * (reader->state >> RANS_BITS) + (reader->state & (RANS_SUM - 1)) - share.start;
+    rans_refill(reader);
 }
 
-static inline size_t rans_pull_symbol(const struct rans_context *context, struct rans_reader *s)
+static inline size_t rans_pull_symbol(const struct rans_context *context, struct rans_reader *reader)
 {
-    size_t symbol = rans_look(context, s);
+    size_t symbol = rans_look(context, reader);
     if (symbol >= RANS_SYMBOLS)
-        symbol = rans_search(context, s);
-    rans_take(context, s, symbol);
+        symbol = rans_search(context, reader);
+    rans_take(context, reader, symbol);
     return symbol;
 }

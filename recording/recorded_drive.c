@@ -1,29 +1,30 @@
 #include "recording/recorded_drive.h"
 
 #include "recording/little_endian.h"
-#include "recording/recording_takes.h"
 #include "recording/recording_reader.h"
+#include "recording/recording_takes.h"
 
 enum { NUMBERS_BYTES = 3 * 8 + POSE_BYTES, PATH_POINT_BYTES = 3 * 8 };
 
-static bool is_good(const struct recorded_drive *d)
+static bool is_good(const struct recorded_drive *drive)
 {
-    bool good = pose_is_valid(d->world_from_body) && d->path_count >= 0 && d->path_count <= RECORDED_DRIVE_POINTS;
+    bool good =
+        pose_is_valid(drive->world_from_body) && drive->path_count >= 0 && drive->path_count <= RECORDED_DRIVE_POINTS;
     for (int i = 0; i < 3; i++)
-        good = good && d->size_m[i] >= 0 && d->size_m[i] < RECORDING_METRES_MOST;
-    for (int i = 0; good && i < d->path_count; i++)
-        good = position_is_valid(d->path[i]);
+        good = good && drive->size_m[i] >= 0 && drive->size_m[i] < RECORDING_METRES_MAX;
+    for (int i = 0; good && i < drive->path_count; i++)
+        good = position_is_valid(drive->path[i]);
     return good;
 }
 
-static enum status from_row(struct recording *r, struct statement *s, struct recorded_drive *out)
+static enum status from_row(struct recording *recording, struct statement *statement, struct recorded_drive *out)
 {
     size_t bytes;
-    const uint8_t *numbers = recording_blob(s, 0, NUMBERS_BYTES), *path = statement_blob(s, 1, &bytes);
+    const uint8_t *numbers = recording_blob(statement, 0, NUMBERS_BYTES), *path = statement_blob(statement, 1, &bytes);
     struct recorded_drive d = {.path_count = (int)(bytes / PATH_POINT_BYTES)};
     if (!numbers || bytes > RECORDED_DRIVE_POINTS * PATH_POINT_BYTES || bytes % PATH_POINT_BYTES ||
-        crc32_of(crc32_of(0, numbers, NUMBERS_BYTES), path, bytes) != (uint32_t)statement_number(s, 2))
-        return recording_damaged(r, "a robot's path cannot be read");
+        crc32_of(crc32_of(0, numbers, NUMBERS_BYTES), path, bytes) != (uint32_t)statement_number(statement, 2))
+        return recording_damaged(recording, "a robot's path cannot be read");
     for (int i = 0; i < 3; i++)
         d.size_m[i] = get_f64(&numbers);
     get_pose(numbers, &d.world_from_body);
@@ -33,7 +34,7 @@ static enum status from_row(struct recording *r, struct statement *s, struct rec
         d.path[i].z = get_f64(&path);
     }
     if (!is_good(&d))
-        return recording_damaged(r, "a robot's path cannot be read");
+        return recording_damaged(recording, "a robot's path cannot be read");
     *out = d;
     return OK;
 }
@@ -56,7 +57,7 @@ enum status recording_read_drive(struct recording *r, struct recorded_drive *out
     return status;
 }
 
-static enum status insert(struct database *db, const void *what)
+static enum status insert_drive(struct database *db, const void *what)
 {
     const struct recorded_drive *d = what;
     uint8_t numbers[NUMBERS_BYTES], path[RECORDED_DRIVE_POINTS * PATH_POINT_BYTES], *at = numbers;
@@ -83,5 +84,5 @@ enum status recording_write_drive(const char *path, const struct recorded_drive 
 {
     if (!is_good(drive))
         return fail(ERR_INPUT, "a number of a robot's path is not finite");
-    return recording_change(path, DRIVE_TABLE "DELETE FROM drive", insert, drive);
+    return recording_change(path, DRIVE_TABLE "DELETE FROM drive", insert_drive, drive);
 }

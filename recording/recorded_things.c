@@ -1,10 +1,10 @@
 #include "recording/recorded_things.h"
 
 #include "base/text.h"
-#include "recording/little_endian.h"
-#include "recording/recording_takes.h"
-#include "recording/recording_reader.h"
 #include "platform/network/address.h"
+#include "recording/little_endian.h"
+#include "recording/recording_reader.h"
+#include "recording/recording_takes.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,93 +14,95 @@
 enum { COVARIANCE_BYTES = 6 * 8, NUMBERS_BYTES = POSE_BYTES + COVARIANCE_BYTES + 2 * 8, THINGS_MAX = 10000 };
 #define THING_COLUMNS "rowid, name, url, etag, note, knowledge, numbers, sightings, gone, crc"
 
-static void put_numbers(uint8_t out[NUMBERS_BYTES], const struct recorded_thing *t)
+static void put_numbers(uint8_t out[NUMBERS_BYTES], const struct recorded_thing *thing)
 {
-    const struct covariance3 *c = &t->covariance;
-    const double values[8] = {c->xx, c->xy, c->xz, c->yy, c->yz, c->zz, t->width_m, t->height_m};
-    put_pose(out, &t->world_from_thing);
+    const struct covariance3 *c = &thing->covariance;
+    const double values[8] = {c->xx, c->xy, c->xz, c->yy, c->yz, c->zz, thing->width_m, thing->height_m};
+    put_pose(out, &thing->world_from_thing);
     out += POSE_BYTES;
     for (int i = 0; i < 8; i++)
         out = put_f64(out, values[i]);
 }
 
-static void get_numbers(const uint8_t in[NUMBERS_BYTES], struct recorded_thing *t)
+static void get_numbers(const uint8_t in[NUMBERS_BYTES], struct recorded_thing *thing)
 {
     double v[8];
-    get_pose(in, &t->world_from_thing);
+    get_pose(in, &thing->world_from_thing);
     in += POSE_BYTES;
     for (int i = 0; i < 8; i++)
         v[i] = get_f64(&in);
-    t->covariance = (struct covariance3){v[0], v[1], v[2], v[3], v[4], v[5]};
-    t->width_m = v[6];
-    t->height_m = v[7];
+    thing->covariance = (struct covariance3){v[0], v[1], v[2], v[3], v[4], v[5]};
+    thing->width_m = v[6];
+    thing->height_m = v[7];
 }
 
-static bool is_finite(const struct recorded_thing *t)
+static bool is_finite(const struct recorded_thing *thing)
 {
-    const struct covariance3 *c = &t->covariance;
-    return pose_is_valid(t->world_from_thing) && isfinite(c->xx + c->xy + c->xz + c->yy + c->yz + c->zz) &&
-           c->xx >= 0 && c->yy >= 0 && c->zz >= 0 && isfinite(t->width_m) && isfinite(t->height_m) && t->width_m >= 0 &&
-           t->height_m >= 0;
+    const struct covariance3 *c = &thing->covariance;
+    return pose_is_valid(thing->world_from_thing) && isfinite(c->xx + c->xy + c->xz + c->yy + c->yz + c->zz) &&
+           c->xx >= 0 && c->yy >= 0 && c->zz >= 0 && isfinite(thing->width_m) && isfinite(thing->height_m) &&
+           thing->width_m >= 0 && thing->height_m >= 0;
 }
 
-static uint32_t thing_crc(const struct recorded_thing *t, const uint8_t numbers[NUMBERS_BYTES])
+static uint32_t thing_crc(const struct recorded_thing *thing, const uint8_t numbers[NUMBERS_BYTES])
 {
     uint8_t whole[16] = {0};
     uint32_t crc = 0;
-    const char *const texts[5] = {t->name, t->url, t->etag, t->note, t->knowledge ? t->knowledge : ""};
+    const char *const texts[5] = {thing->name, thing->url, thing->etag, thing->note,
+                                  thing->knowledge ? thing->knowledge : ""};
     for (int i = 0; i < 5; i++)
         crc = crc32_of(crc, texts[i], strlen(texts[i]));
     crc = crc32_of(crc, numbers, NUMBERS_BYTES);
     for (int i = 0; i < 4; i++)
-        whole[i] = (uint8_t)((uint32_t)t->sightings >> (8 * i));
-    whole[8] = t->gone;
+        whole[i] = (uint8_t)((uint32_t)thing->sightings >> (8 * i));
+    whole[8] = thing->gone;
     return crc32_of(crc, whole, sizeof whole);
 }
 
-static bool copy_text(struct statement *s, int column, char *out, size_t bytes)
+static bool copy_text(struct statement *statement, int column, char *out, size_t bytes)
 {
-    const char *text = statement_text(s, column);
+    const char *text = statement_text(statement, column);
     return (size_t)snprintf(out, bytes, "%s", text) < bytes;
 }
 
 // Its texts may be a stranger's, and are shown on terminals and sent to servers.
-static void make_printable(struct recorded_thing *t)
+static void make_printable(struct recorded_thing *thing)
 {
-    char *const texts[] = {t->name, t->url, t->etag, t->note};
+    char *const texts[] = {thing->name, thing->url, thing->etag, thing->note};
     for (size_t i = 0; i < COUNT_OF(texts); i++)
         text_make_printable(texts[i]);
-    address_hide_user(t->url);
+    address_hide_user(thing->url);
 }
 
-static enum status thing_from_row(struct statement *s, struct recorded_thing *out)
+static enum status thing_from_row(struct statement *statement, struct recorded_thing *out)
 {
-    const uint8_t *numbers = recording_blob(s, 6, NUMBERS_BYTES);
-    const int64_t sightings = statement_number(s, 7);
-    *out = (struct recorded_thing){.sightings = (int32_t)sightings, .gone = statement_number(s, 8) != 0};
+    const uint8_t *numbers = recording_blob(statement, 6, NUMBERS_BYTES);
+    const int64_t sightings = statement_number(statement, 7);
+    *out = (struct recorded_thing){.sightings = (int32_t)sightings, .gone = statement_number(statement, 8) != 0};
     bool good = numbers && sightings >= 0 && sightings <= INT32_MAX;
-    good = good && copy_text(s, 1, out->name, sizeof out->name) && copy_text(s, 2, out->url, sizeof out->url) &&
-           copy_text(s, 3, out->etag, sizeof out->etag) && copy_text(s, 4, out->note, sizeof out->note);
-    const char *knowledge = statement_text(s, 5);
-    enum status status = statement_check(s);
+    good = good && copy_text(statement, 1, out->name, sizeof out->name) &&
+           copy_text(statement, 2, out->url, sizeof out->url) && copy_text(statement, 3, out->etag, sizeof out->etag) &&
+           copy_text(statement, 4, out->note, sizeof out->note);
+    const char *knowledge = statement_text(statement, 5);
+    enum status status = statement_check(statement);
     if (status != OK)
         return status;
     if (good && knowledge[0] && !(out->knowledge = strdup(knowledge)))
         return fail(ERR_MEMORY, "no memory for what is known of a thing");
     if (good) {
         get_numbers(numbers, out);
-        good = is_finite(out) && thing_crc(out, numbers) == (uint32_t)statement_number(s, 9);
+        good = is_finite(out) && thing_crc(out, numbers) == (uint32_t)statement_number(statement, 9);
     }
     if (good)
         make_printable(out);
     return good ? OK : fail(ERR_CORRUPT, "a thing cannot be read");
 }
 
-static struct thing_content *content_of(struct recorded_thing *t, const char *kind)
+static struct thing_content *content_of(struct recorded_thing *thing, const char *kind)
 {
     if (!strcmp(kind, "image"))
-        return &t->image;
-    return !strcmp(kind, "model") ? &t->model : NULL;
+        return &thing->image;
+    return !strcmp(kind, "model") ? &thing->model : NULL;
 }
 
 struct reading {
@@ -112,11 +114,11 @@ struct reading {
 };
 
 // One that could not be written: a name is empty, or another's.
-static bool has_usable_name(const struct reading *from, const struct recorded_thing *t)
+static bool has_usable_name(const struct reading *from, const struct recorded_thing *thing)
 {
-    bool usable = t->name[0];
+    bool usable = thing->name[0];
     for (int i = 0; i < from->count && usable; i++)
-        usable = strcmp(from->things[i].name, t->name) != 0;
+        usable = strcmp(from->things[i].name, thing->name) != 0;
     return usable;
 }
 
@@ -134,13 +136,14 @@ static enum status add_thing(struct reading *to, const struct recorded_thing *th
     return OK;
 }
 
-static enum status read_thing(struct reading *to, struct statement *s)
+static enum status read_thing(struct reading *to, struct statement *statement)
 {
     struct recorded_thing thing;
-    enum status status = thing_from_row(s, &thing);
+    enum status status = thing_from_row(statement, &thing);
     if (status == OK)
-        status = to->count < THINGS_MAX && has_usable_name(to, &thing) ? add_thing(to, &thing, statement_number(s, 0))
-                                                                       : ERR_CORRUPT;
+        status = to->count < THINGS_MAX && has_usable_name(to, &thing)
+                     ? add_thing(to, &thing, statement_number(statement, 0))
+                     : ERR_CORRUPT;
     if (status == OK)
         return OK;
     free(thing.knowledge);
@@ -148,20 +151,20 @@ static enum status read_thing(struct reading *to, struct statement *s)
     return status == ERR_CORRUPT ? OK : status;
 }
 
-static enum status read_content(struct reading *to, struct statement *s)
+static enum status read_content(struct reading *to, struct statement *statement)
 {
-    const int64_t id = statement_number(s, 0);
-    const char *kind = statement_text(s, 1);
+    const int64_t id = statement_number(statement, 0);
+    const char *kind = statement_text(statement, 1);
     int i = 0;
     while (i < to->count && to->ids[i] != id)
         i++;
     struct thing_content *content = i < to->count ? content_of(&to->things[i], kind) : NULL;
     size_t bytes;
-    const uint8_t *blob = statement_blob(s, 2, &bytes);
-    if (!content || content->bytes || !blob || !bytes || bytes > THING_CONTENT_MOST ||
-        crc32_of(crc32_of(0, kind, strlen(kind)), blob, bytes) != (uint32_t)statement_number(s, 3)) {
+    const uint8_t *blob = statement_blob(statement, 2, &bytes);
+    if (!content || content->bytes || !blob || !bytes || bytes > THING_CONTENT_MAX ||
+        crc32_of(crc32_of(0, kind, strlen(kind)), blob, bytes) != (uint32_t)statement_number(statement, 3)) {
         to->lost.contents++;
-        return statement_check(s);
+        return statement_check(statement);
     }
     if (!(content->bytes = malloc(bytes)))
         return fail(ERR_MEMORY, "no memory for a thing's %s", kind);
@@ -259,9 +262,9 @@ static enum status check_things(const struct recorded_thing *things, int count)
             return fail(ERR_INPUT, "a thing without a name");
         if (!is_finite(&things[i]) || things[i].sightings < 0)
             return fail(ERR_INPUT, "'%s': a number is not finite", things[i].name);
-        if (things[i].image.count > THING_CONTENT_MOST || things[i].model.count > THING_CONTENT_MOST)
+        if (things[i].image.count > THING_CONTENT_MAX || things[i].model.count > THING_CONTENT_MAX)
             return fail(ERR_INPUT, "'%s': a picture or model is larger than %d bytes", things[i].name,
-                        (int)THING_CONTENT_MOST);
+                        (int)THING_CONTENT_MAX);
         for (int k = 0; k < i; k++)
             if (!strcmp(things[i].name, things[k].name))
                 return fail(ERR_INPUT, "two things have the name '%s'", things[i].name);
@@ -294,13 +297,14 @@ static enum status insert_things(struct database *db, const struct recorded_thin
     return status;
 }
 
-static enum status insert_content(struct statement *s, int thing, const char *kind, const struct thing_content *c)
+static enum status insert_content(struct statement *statement, int thing, const char *kind,
+                                  const struct thing_content *content)
 {
-    statement_bind_number(s, 1, thing);
-    statement_bind_text(s, 2, kind);
-    statement_bind_blob(s, 3, c->bytes, c->count);
-    statement_bind_number(s, 4, crc32_of(crc32_of(0, kind, strlen(kind)), c->bytes, c->count));
-    return statement_run(s);
+    statement_bind_number(statement, 1, thing);
+    statement_bind_text(statement, 2, kind);
+    statement_bind_blob(statement, 3, content->bytes, content->count);
+    statement_bind_number(statement, 4, crc32_of(crc32_of(0, kind, strlen(kind)), content->bytes, content->count));
+    return statement_run(statement);
 }
 
 static enum status insert_contents(struct database *db, const struct recorded_thing *things, int count)
@@ -322,7 +326,7 @@ struct things {
     int count;
 };
 
-static enum status insert(struct database *db, const void *what)
+static enum status insert_all_things(struct database *db, const void *what)
 {
     const struct things *all = what;
     const enum status status = insert_things(db, all->things, all->count);
@@ -333,7 +337,7 @@ enum status recording_write_things(const char *path, const struct recorded_thing
 {
     const struct things all = {things, count};
     const enum status status = check_things(things, count);
-    return status != OK
-               ? status
-               : recording_change(path, THING_TABLES "DELETE FROM thing; DELETE FROM thing_content", insert, &all);
+    return status != OK ? status
+                        : recording_change(path, THING_TABLES "DELETE FROM thing; DELETE FROM thing_content",
+                                           insert_all_things, &all);
 }

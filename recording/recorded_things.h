@@ -21,7 +21,7 @@ struct recorded_thing {
         size_t count;
     } image, model; // PNG or JPEG; binary glTF
 };
-enum { THING_CONTENT_MOST = 16 << 20 }; // bytes of one
+enum { THING_CONTENT_MAX = 16 << 20 }; // bytes of one
 
 // *things is malloc'ed; recorded_things_free frees it. A file without the table has none. ERR_CORRUPT: one of them is
 // damaged; ERR_IO, ERR_MEMORY; on error there are none. A picture or model that is damaged is left out. Names,

@@ -2,8 +2,8 @@
 
 #include "base/text.h"
 #include "recording/prepared.h"
-#include "recording/recording_takes.h"
 #include "recording/recording_reader.h"
+#include "recording/recording_takes.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -25,52 +25,56 @@ bool verdict_purpose_named(const char *name, enum verdict_purpose *out)
     return false;
 }
 
-void verdict_say(struct take_verdict *v, unsigned spoils, const char *format, ...)
+void verdict_say(struct take_verdict *verdict, unsigned spoils, const char *format, ...)
 {
     va_list list;
-    v->spoilt |= spoils;
-    if (v->count >= VERDICT_LINES)
+    verdict->spoilt |= spoils;
+    if (verdict->count >= VERDICT_LINES)
         return;
-    struct verdict_line *line = &v->line[v->count++];
+    struct verdict_line *line = &verdict->line[verdict->count++];
     *line = (struct verdict_line){.spoils = spoils};
     va_start(list, format);
     vsnprintf(line->text, sizeof line->text, format, list);
     va_end(list);
 }
 
-bool verdict_is_good_for(const struct take_verdict *v, enum verdict_use use) { return v->seen && !(v->spoilt & use); }
-
-bool verdict_is_good(const struct take_verdict *v)
+bool verdict_is_good_for(const struct take_verdict *verdict, enum verdict_use use)
 {
-    return verdict_is_good_for(v, v->purpose == PURPOSE_WATCH ? USE_WATCH : USE_COMPARE);
+    return verdict->seen && !(verdict->spoilt & use);
 }
 
-const char *verdict_headline(const struct take_verdict *v)
+bool verdict_is_good(const struct take_verdict *verdict)
 {
-    if (!v->seen)
+    return verdict_is_good_for(verdict, verdict->purpose == PURPOSE_WATCH ? USE_WATCH : USE_COMPARE);
+}
+
+const char *verdict_headline(const struct take_verdict *verdict)
+{
+    if (!verdict->seen)
         return "no person was seen";
-    if (!verdict_is_good(v))
-        return v->purpose == PURPOSE_BOTH && verdict_is_good_for(v, USE_WATCH) ? "good from all sides"
-                                                                               : "better once more";
-    switch (v->purpose) {
+    if (!verdict_is_good(verdict))
+        return verdict->purpose == PURPOSE_BOTH && verdict_is_good_for(verdict, USE_WATCH) ? "good from all sides"
+                                                                                           : "better once more";
+    switch (verdict->purpose) {
     case PURPOSE_COMPARE: return "good for comparing";
     case PURPOSE_WATCH: return "good from all sides";
-    default: return verdict_is_good_for(v, USE_WATCH) ? "good" : "good for comparing";
+    default: return verdict_is_good_for(verdict, USE_WATCH) ? "good" : "good for comparing";
     }
 }
 
-bool verdict_shows_line(const struct take_verdict *v, int i)
+bool verdict_shows_line(const struct take_verdict *verdict, int i)
 {
-    const unsigned spoils = v->line[i].spoils;
-    return !spoils || v->purpose == PURPOSE_BOTH || (spoils & (v->purpose == PURPOSE_WATCH ? USE_WATCH : USE_COMPARE));
+    const unsigned spoils = verdict->line[i].spoils;
+    return !spoils || verdict->purpose == PURPOSE_BOTH ||
+           (spoils & (verdict->purpose == PURPOSE_WATCH ? USE_WATCH : USE_COMPARE));
 }
 
-const char *verdict_text(const struct take_verdict *v, char out[VERDICT_TEXT_BYTES])
+const char *verdict_text(const struct take_verdict *verdict, char out[VERDICT_TEXT_BYTES])
 {
-    int used = snprintf(out, VERDICT_TEXT_BYTES, "%s", verdict_headline(v));
-    for (int i = 0; i < v->count; i++)
-        if (verdict_shows_line(v, i))
-            used += snprintf(out + used, (size_t)(VERDICT_TEXT_BYTES - used), "; %s", v->line[i].text);
+    int used = snprintf(out, VERDICT_TEXT_BYTES, "%s", verdict_headline(verdict));
+    for (int i = 0; i < verdict->count; i++)
+        if (verdict_shows_line(verdict, i))
+            used += snprintf(out + used, (size_t)(VERDICT_TEXT_BYTES - used), "; %s", verdict->line[i].text);
     return out;
 }
 
@@ -79,24 +83,24 @@ const char *verdict_text(const struct take_verdict *v, char out[VERDICT_TEXT_BYT
 // A line of `lines`: the digit `spoils`, '*' where it was only seen while filming, else ' ', then the sentence.
 enum { LINE_HEAD = 2, LINES_BYTES = VERDICT_LINES * (LINE_HEAD + VERDICT_LINE_BYTES) };
 
-static void put_lines(const struct take_verdict *v, char out[LINES_BYTES])
+static void put_lines(const struct take_verdict *verdict, char out[LINES_BYTES])
 {
     int used = 0;
     *out = 0;
-    for (int i = 0; i < v->count; i++)
-        used += snprintf(out + used, (size_t)(LINES_BYTES - used), "%s%u%c%s", i ? "\n" : "", v->line[i].spoils,
-                         v->line[i].filming ? '*' : ' ', v->line[i].text);
+    for (int i = 0; i < verdict->count; i++)
+        used += snprintf(out + used, (size_t)(LINES_BYTES - used), "%s%u%c%s", i ? "\n" : "", verdict->line[i].spoils,
+                         verdict->line[i].filming ? '*' : ' ', verdict->line[i].text);
 }
 
-static bool get_lines(const char *text, struct take_verdict *v)
+static bool get_lines(const char *text, struct take_verdict *verdict)
 {
-    v->count = 0;
+    verdict->count = 0;
     while (*text) {
         const size_t length = strcspn(text, "\n");
-        if (v->count >= VERDICT_LINES || length <= LINE_HEAD || length >= LINE_HEAD + VERDICT_LINE_BYTES ||
+        if (verdict->count >= VERDICT_LINES || length <= LINE_HEAD || length >= LINE_HEAD + VERDICT_LINE_BYTES ||
             text[0] < '0' || text[0] > '0' + USE_ANY || (text[1] != ' ' && text[1] != '*'))
             return false;
-        struct verdict_line *line = &v->line[v->count++];
+        struct verdict_line *line = &verdict->line[verdict->count++];
         line->spoils = (unsigned)(text[0] - '0');
         line->filming = text[1] == '*';
         snprintf(line->text, sizeof line->text, "%.*s", (int)length - LINE_HEAD, text + LINE_HEAD);
@@ -107,9 +111,9 @@ static bool get_lines(const char *text, struct take_verdict *v)
     return true;
 }
 
-static uint32_t row_crc(const struct verdict_key *key, const struct take_verdict *v, const char *lines)
+static uint32_t row_crc(const struct verdict_key *key, const struct take_verdict *verdict, const char *lines)
 {
-    const int64_t numbers[] = {key->take, v->purpose, v->seen, v->spoilt, key->index_crc};
+    const int64_t numbers[] = {key->take, verdict->purpose, verdict->seen, verdict->spoilt, key->index_crc};
     uint32_t crc = 0;
     for (size_t i = 0; i < COUNT_OF(numbers); i++)
         crc = crc32_of_number(crc, numbers[i]);
@@ -122,30 +126,31 @@ struct verdict_key verdict_key_of(const struct take *take)
 }
 
 // False: the row is not as it was written.
-static bool from_row(struct statement *s, struct verdict_key *key, struct take_verdict *out)
+static bool from_row(struct statement *statement, struct verdict_key *key, struct take_verdict *out)
 {
-    const int64_t purpose = statement_number(s, 1), seen = statement_number(s, 2), spoilt = statement_number(s, 3);
-    const char *lines = statement_text(s, 5);
+    const int64_t purpose = statement_number(statement, 1), seen = statement_number(statement, 2),
+                  spoilt = statement_number(statement, 3);
+    const char *lines = statement_text(statement, 5);
     *out = (struct take_verdict){.purpose = PURPOSE_BOTH};
-    *key = (struct verdict_key){statement_number(s, 0), (uint32_t)statement_number(s, 4)};
+    *key = (struct verdict_key){statement_number(statement, 0), (uint32_t)statement_number(statement, 4)};
     if (purpose < 0 || purpose >= PURPOSE_COUNT || seen < 0 || seen > 1 || spoilt < 0 || spoilt > USE_ANY)
         return false;
     out->purpose = (enum verdict_purpose)purpose;
     out->seen = seen != 0;
     out->spoilt = (unsigned)spoilt;
-    return row_crc(key, out, lines) == (uint32_t)statement_number(s, 6) && get_lines(lines, out);
+    return row_crc(key, out, lines) == (uint32_t)statement_number(statement, 6) && get_lines(lines, out);
 }
 
-static enum status read_open(struct statement **s, struct database *db, const char *tail)
+static enum status read_open(struct statement **statement, struct database *db, const char *tail)
 {
     char sql[160];
     int64_t tables = 0;
-    *s = NULL;
+    *statement = NULL;
     enum status status = database_number(db, COUNT_TABLES("'verdict'"), &tables);
     if (status != OK || !tables)
         return status == OK ? NOTHING : status;
     snprintf(sql, sizeof sql, "SELECT rowid, purpose, seen, spoilt, index_crc, lines, crc FROM verdict %s", tail);
-    return statement_open(s, db, sql);
+    return statement_open(statement, db, sql);
 }
 
 enum status recorded_verdict_read(const struct take *take, struct take_verdict *out, bool *fits)
@@ -184,7 +189,7 @@ struct kept {
     const struct take_verdict *verdict;
 };
 
-static enum status insert(struct database *db, const void *what)
+static enum status insert_verdict(struct database *db, const void *what)
 {
     const struct kept *k = what;
     char lines[LINES_BYTES];
@@ -224,7 +229,7 @@ enum status recorded_verdict_copy(struct database *from, int64_t take, struct da
         status = database_run(to, VERDICT_TABLE);
     if (status == OK) {
         key.take = copy;
-        status = insert(to, &(struct kept){&key, &v});
+        status = insert_verdict(to, &(struct kept){&key, &v});
     }
     return status == ERR_IO || status == ERR_MEMORY ? status : OK;
 }
@@ -232,5 +237,5 @@ enum status recorded_verdict_copy(struct database *from, int64_t take, struct da
 enum status recorded_verdict_write(const char *path, const struct verdict_key *key, const struct take_verdict *verdict)
 {
     const struct kept kept = {key, verdict};
-    return recording_change(path, VERDICT_TABLE, insert, &kept);
+    return recording_change(path, VERDICT_TABLE, insert_verdict, &kept);
 }

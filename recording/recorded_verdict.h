@@ -32,19 +32,19 @@ struct take_verdict {
 };
 
 // Adds a sentence and spoils those uses; beyond VERDICT_LINES only the latter.
-void verdict_say(struct take_verdict *v, unsigned spoils, const char *format, ...)
+void verdict_say(struct take_verdict *verdict, unsigned spoils, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-bool verdict_is_good_for(const struct take_verdict *v, enum verdict_use use);
+bool verdict_is_good_for(const struct take_verdict *verdict, enum verdict_use use);
 // For its purpose. Of a take that was filmed for both: for comparing, which the headline then says.
-bool verdict_is_good(const struct take_verdict *v);
+bool verdict_is_good(const struct take_verdict *verdict);
 
 // "good", "good for comparing", "good from all sides", "better once more", "no person was seen".
-const char *verdict_headline(const struct take_verdict *v);
+const char *verdict_headline(const struct take_verdict *verdict);
 // Whether line i concerns the take's purpose.
-bool verdict_shows_line(const struct take_verdict *v, int i);
+bool verdict_shows_line(const struct take_verdict *verdict, int i);
 // Headline and lines, joined by "; ". Returns out.
-const char *verdict_text(const struct take_verdict *v, char out[VERDICT_TEXT_BYTES]);
+const char *verdict_text(const struct take_verdict *verdict, char out[VERDICT_TEXT_BYTES]);
 
 // ---------------------------------------------------------------- in the file
 

@@ -43,7 +43,7 @@ MUST_CHECK enum status recording_begin_take(struct recording_writer *w, const ch
 
 // What is written for one instant. Everything is copied.
 // A frame's time lies between minus this and this, so that the time between any two frames is an int64_t, too.
-#define TAKE_TIME_MOST_NS (INT64_MAX / 2)
+#define TAKE_TIME_MAX_NS (INT64_MAX / 2)
 
 struct take_frame {
     int64_t time_ns;               // strictly increasing within the take
@@ -58,7 +58,7 @@ struct take_frame {
 };
 
 // Copies the frame into the current batch (async_writer.h). ERR_ORDER: not later than the last one, ERR_INPUT: it does
-// not fit the calibration, or holds a number that is not finite or a time beyond TAKE_TIME_MOST_NS; nothing is written
+// not fit the calibration, or holds a number that is not finite or a time beyond TAKE_TIME_MAX_NS; nothing is written
 // and the writer can go on. ERR_IO: disk full or gone; what was committed stays readable, only recording_close is
 // allowed from here on. ERR_MEMORY.
 MUST_CHECK enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame);
@@ -82,15 +82,15 @@ MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const
 // How the writing goes. Any thread may ask.
 struct recording_counters {
     int64_t waiting_frames, waiting_bytes;   // given, not yet committed
-    int64_t waiting_frames_most;             // ever
+    int64_t waiting_frames_max;              // ever
     int64_t committed_frames, synced_frames; // in the file: a kill does not cost them; nor a power cut
     int64_t committed_ns, synced_ns;         // times of the last of them; INT64_MIN: none
     int64_t written_bytes;                   // of all frames committed so far
     bool failed;                             // nothing more is written; the next frame that is added says why
 };
-struct recording_counters recording_writer_count(const struct recording_writer *w);
+struct recording_counters recording_writer_count(const struct recording_writer *writer);
 
-const char *recording_writer_path(const struct recording_writer *w); // valid until recording_close
+const char *recording_writer_path(const struct recording_writer *writer); // valid until recording_close
 
 // Commits what was added, closes, frees, sets *w = NULL (NULL is fine). Returns the first error the writer ever met. A
 // take that is still open is kept and marked as interrupted; one without frames is removed.
@@ -104,7 +104,7 @@ void recording_discard(const char *path);
 // Read-only. ERR_MISSING, ERR_IO, ERR_FORMAT (another file type or a newer schema), ERR_CORRUPT, ERR_MEMORY. On failure
 // *out is NULL.
 MUST_CHECK enum status recording_open(struct recording **out, const char *path);
-void recording_free(struct recording **r); // NULL is fine; sets *r = NULL
+void recording_free(struct recording **recording); // NULL is fine; sets *recording = NULL
 
 // NOTHING: the file holds no place. ERR_CORRUPT: its calibration, tags or points cannot be read; damaged views are left
 // out (place.h). ERR_IO, ERR_MEMORY. On OK the caller owns *out (place_free); otherwise
@@ -114,10 +114,10 @@ MUST_CHECK enum status recording_read_place(struct recording *r, struct place *o
 // The same without its views, which take a thousand times longer to read: what a camera is located by.
 MUST_CHECK enum status recording_read_map(struct recording *r, struct place *out);
 
-const char *recording_path(const struct recording *r); // valid until recording_free
-int recording_take_count(const struct recording *r);
+const char *recording_path(const struct recording *recording); // valid until recording_free
+int recording_take_count(const struct recording *recording);
 // 0 <= index < count, in the order they were recorded. Valid until recording_free.
-const char *recording_take_name(const struct recording *r, int index);
+const char *recording_take_name(const struct recording *recording, int index);
 
 // Opens a take and reads its index: calibration, body and one take_entry a frame, no images. Frames that cannot be
 // read are left out (take_lost). The handle uses `r`, which must outlive it. ERR_MISSING: no such take; the sentence
@@ -137,7 +137,7 @@ MUST_CHECK enum status take_open_drawn(struct take **out, struct recording *r, c
 // Memory: the index has 712 bytes a frame, once for all handles: 77 MB for an hour at 30 Hz, of which 21 MB are
 // the joints' covariances as half floats. A handle adds one decoded frame: colour 3, depth 2, mask 1 bytes a pixel.
 MUST_CHECK enum status take_open_shared(struct take **out, struct recording *r, const struct take *same);
-void take_close(struct take **t); // NULL is fine; sets *t = NULL
+void take_close(struct take **take); // NULL is fine; sets *take = NULL
 
 // One frame of the index. No bigger than it must be: an hour has 108000.
 struct take_entry {
@@ -156,22 +156,22 @@ struct take_sizes {
 // Reads the parts' lengths of at most 300 frames, not the parts. ERR_IO, ERR_CORRUPT, ERR_MEMORY.
 MUST_CHECK enum status take_read_sizes(struct take *t, struct take_sizes *out);
 
-const struct calibration *take_calibration(const struct take *t);
-int64_t take_frame_count(const struct take *t);
+const struct calibration *take_calibration(const struct take *take);
+int64_t take_frame_count(const struct take *take);
 // Asserts the range. Valid until the last handle on the take is closed.
-const struct take_entry *take_entry(const struct take *t, int64_t index);
-const struct body *take_body(const struct take *t);
+const struct take_entry *take_entry(const struct take *take, int64_t index);
+const struct body *take_body(const struct take *take);
 // The sensor's pose in the place was measured in a frame with a person: frames in which it was not are then in no
 // world.
-bool take_is_located(const struct take *t);
-bool take_is_drawn_from_depth(const struct take *t); // its colour images are: see take_open_drawn
-bool take_is_complete(const struct take *t);         // false: interrupted, still readable
-int64_t take_dropped(const struct take *t);
-int64_t take_lost(const struct take *t);        // frames that damage cost, before a repair too; they are left out
-int64_t take_errors_lost(const struct take *t); // frames whose joints' covariances damage cost
-const char *take_note(const struct take *t);    // "" where there is none; valid until the last handle is closed
-const char *take_alias(const struct take *t);   // who performs: a name that need not be the person's own; "" likewise
-size_t take_index_bytes(const struct take *t);  // of the index, which all handles on the take share
+bool take_is_located(const struct take *take);
+bool take_is_drawn_from_depth(const struct take *take); // its colour images are: see take_open_drawn
+bool take_is_complete(const struct take *take);         // false: interrupted, still readable
+int64_t take_dropped(const struct take *take);
+int64_t take_lost(const struct take *take);        // frames that damage cost, before a repair too; they are left out
+int64_t take_errors_lost(const struct take *take); // frames whose joints' covariances damage cost
+const char *take_note(const struct take *take);    // "" where there is none; valid until the last handle is closed
+const char *take_alias(const struct take *take);  // who performs: a name that need not be the person's own; "" likewise
+size_t take_index_bytes(const struct take *take); // of the index, which all handles on the take share
 
 // Decoded images of one frame. Pixels belong to the handle and are valid until its next take_read; images that were not
 // wanted, or that the frame lacks, are NULL.
@@ -186,7 +186,7 @@ enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // opened. ERR_MEMORY. On failure all images in *out are NULL.
 MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
 // How many frames all handles on the take have decoded so far, for tests of what reads too much. Any thread may ask.
-int64_t take_frames_decoded(const struct take *t);
+int64_t take_frames_decoded(const struct take *take);
 
 // The bytes of a frame's colour image, a JPEG as the sensor made it where it did; valid until the handle's next
 // take_read or take_read_jpeg. NOTHING: it has no colour of its own. Errors as take_read; unless OK, *bytes is NULL.

@@ -3,11 +3,11 @@
 #include "recording/recording_schema.h"
 
 MUST_CHECK enum status recording_open_as(struct recording **out, const char *path, enum database_access access);
-struct database *recording_database(struct recording *r);             // borrowed
-int64_t recording_take_id(const struct recording *r, int index);      // of recording_take_name(r, index)
-int recording_find_take(const struct recording *r, const char *name); // the first of that name, shown; -1: none
+struct database *recording_database(struct recording *recording);             // borrowed
+int64_t recording_take_id(const struct recording *recording, int index);      // of recording_take_name(r, index)
+int recording_find_take(const struct recording *recording, const char *name); // the first of that name, shown; -1: none
 // Whether the name is as the format says, not only what of it is shown (recording_take_name).
-bool recording_take_name_is_valid(const struct recording *r, int index);
+bool recording_take_name_is_valid(const struct recording *recording, int index);
 
 // Statements that stay with the recording: for TABLE_TAKE a row by its id, for others the rows between two ids.
 // recording_keep_statements comes first, in the transaction that reads: another program may have changed the tables.
@@ -15,20 +15,20 @@ bool recording_take_name_is_valid(const struct recording *r, int index);
 MUST_CHECK enum status recording_keep_statements(struct recording *r);
 MUST_CHECK enum status recording_statement(struct recording *r, enum recording_table table, struct statement **out);
 
-struct recording *take_recording(const struct take *t); // that it was opened with
-int64_t take_id(const struct take *t);                  // likewise, of an open take
+struct recording *take_recording(const struct take *take); // that it was opened with
+int64_t take_id(const struct take *take);                  // likewise, of an open take
 
 // Of take_lost, those that are missing in this file.
-int64_t take_lost_now(const struct take *t);
-int64_t take_uncounted(const struct take *t);    // frames beyond the number that the take is said to have
-bool take_is_out_of_range(const struct take *t); // its row holds what is not as the format says; it was replaced
-int64_t recording_bytes(const char *path);       // of the file and its log
+int64_t take_lost_now(const struct take *take);
+int64_t take_uncounted(const struct take *take);    // frames beyond the number that the take is said to have
+bool take_is_out_of_range(const struct take *take); // its row holds what is not as the format says; it was replaced
+int64_t recording_bytes(const char *path);          // of the file and its log
 
 // ERR_CORRUPT with the file's path, `what` and the advice to repair it.
 enum status recording_damaged(const struct recording *r, const char *what);
 
 // A column as a blob of exactly `bytes`; NULL when it is not. Borrowed as statement_blob.
-const uint8_t *recording_blob(struct statement *s, int column, size_t bytes);
+const uint8_t *recording_blob(struct statement *statement, int column, size_t bytes);
 
 // How many takes' verdicts are not as they were written. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status recorded_verdict_check(struct recording *r, int64_t *damaged);

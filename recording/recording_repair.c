@@ -41,9 +41,9 @@ struct frame_copier {
 };
 
 // What ends a copy. A row that cannot be read does not, but where everything must be copied a disk that fails does.
-static bool is_fatal_to_copier(const struct frame_copier *c, enum status status)
+static bool is_fatal_to_copier(const struct frame_copier *copier, enum status status)
 {
-    return status == ERR_MEMORY || (c->reads == COPIER_READS_ALL && status == ERR_IO);
+    return status == ERR_MEMORY || (copier->reads == COPIER_READS_ALL && status == ERR_IO);
 }
 
 enum status frame_copier_open(struct frame_copier **out, struct database *from, struct async_writer *to,
@@ -94,11 +94,11 @@ void frame_copier_close(struct frame_copier **copier)
 
 // ------------------------------------------------------------- rows with damaged ids
 
-static bool row_exists(struct statement *s, int64_t key)
+static bool row_exists(struct statement *statement, int64_t key)
 {
-    statement_bind_number(s, 1, key);
-    const bool exists = statement_step(s) == OK;
-    statement_reset(s);
+    statement_bind_number(statement, 1, key);
+    const bool exists = statement_step(statement) == OK;
+    statement_reset(statement);
     return exists;
 }
 
@@ -108,25 +108,26 @@ static bool key_is_possible(int64_t key)
 }
 
 // A frame beside which another one lies has its own id; it is then its images' id that is damaged.
-static bool has_neighbour(struct frame_copier *c, int64_t key)
+static bool has_neighbour(struct frame_copier *copier, int64_t key)
 {
-    return row_exists(c->frame_exists, key & 0xffffffff ? key - 1 : key + 1);
+    return row_exists(copier->frame_exists, key & 0xffffffff ? key - 1 : key + 1);
 }
 
-// The id that the row of c->frame was written with; its own where nothing speaks against that.
-static int64_t true_key(struct frame_copier *c)
+// The id that the row of copier->frame was written with; its own where nothing speaks against that.
+static int64_t true_key(struct frame_copier *copier)
 {
-    const int64_t key = statement_number(c->frame, 0), crc = statement_number(c->frame, 6);
-    const bool sealed = !statement_is_null(c->frame, FRAME_SEAL), has_images = statement_number(c->frame, 5) != 0;
-    if (sealed ? seal_matches(c->frame, FRAME_SEAL, row_seal(key, (uint32_t)crc))
-               : !has_images || row_exists(c->images_exist, key) || has_neighbour(c, key))
+    const int64_t key = statement_number(copier->frame, 0), crc = statement_number(copier->frame, 6);
+    const bool sealed = !statement_is_null(copier->frame, FRAME_SEAL),
+               has_images = statement_number(copier->frame, 5) != 0;
+    if (sealed ? seal_matches(copier->frame, FRAME_SEAL, row_seal(key, (uint32_t)crc))
+               : !has_images || row_exists(copier->images_exist, key) || has_neighbour(copier, key))
         return key;
     for (int bit = 0; bit < 63; bit++) {
         const int64_t other = key ^ (int64_t)1 << bit;
         if (!key_is_possible(other))
             continue;
-        if (sealed ? seal_matches(c->frame, FRAME_SEAL, row_seal(other, (uint32_t)crc))
-                   : row_exists(c->images_exist, other) && !row_exists(c->frame_exists, other))
+        if (sealed ? seal_matches(copier->frame, FRAME_SEAL, row_seal(other, (uint32_t)crc))
+                   : row_exists(copier->images_exist, other) && !row_exists(copier->frame_exists, other))
             return other;
     }
     return key;
@@ -134,107 +135,107 @@ static int64_t true_key(struct frame_copier *c)
 
 static int by_key(const void *left, const void *right)
 {
-    const struct stray *a = left, *b = right;
-    return (a->key > b->key) - (a->key < b->key);
+    const struct stray *stray = left, *b = right;
+    return (stray->key > b->key) - (stray->key < b->key);
 }
 
-static enum status add_stray(struct frame_copier *c, int64_t key, int64_t stored_key)
+static enum status add_stray(struct frame_copier *copier, int64_t key, int64_t stored_key)
 {
-    if (c->stray_count >= STRAYS_MAX)
+    if (copier->stray_count >= STRAYS_MAX)
         return OK;
-    struct stray *grown = realloc(c->strays, sizeof *grown * ((size_t)c->stray_count + 1));
+    struct stray *grown = realloc(copier->strays, sizeof *grown * ((size_t)copier->stray_count + 1));
     if (!grown)
-        return fail(ERR_MEMORY, "no memory to repair %s", database_path(c->from));
-    c->strays = grown;
-    grown[c->stray_count++] = (struct stray){key, stored_key};
+        return fail(ERR_MEMORY, "no memory to repair %s", database_path(copier->from));
+    copier->strays = grown;
+    grown[copier->stray_count++] = (struct stray){key, stored_key};
     return OK;
 }
 
 // Finds rows whose ids were damaged, in the whole file: those whose seal fits another id that differs in one bit; in
 // older files, without seals, those whose images wait under such an id. For a file that is known to be damaged.
-static enum status frame_copier_find_strays(struct frame_copier *c)
+static enum status frame_copier_find_strays(struct frame_copier *copier)
 {
     int64_t next = INT64_MIN;
     enum status status = OK;
     for (int lost = 0; status == OK && lost < LOST_ROWS_MAX && next < INT64_MAX;) {
-        statement_bind_number(c->frame, 1, next);
-        statement_bind_number(c->frame, 2, INT64_MAX);
-        status = statement_step(c->frame);
+        statement_bind_number(copier->frame, 1, next);
+        statement_bind_number(copier->frame, 2, INT64_MAX);
+        status = statement_step(copier->frame);
         if (status == OK) {
-            const int64_t stored = statement_number(c->frame, 0), key = true_key(c);
+            const int64_t stored = statement_number(copier->frame, 0), key = true_key(copier);
             next = stored < INT64_MAX ? stored + 1 : stored;
             lost = 0;
             if (key != stored)
-                status = add_stray(c, key, stored);
-        } else if (status != NOTHING && !is_fatal_to_copier(c, status)) {
+                status = add_stray(copier, key, stored);
+        } else if (status != NOTHING && !is_fatal_to_copier(copier, status)) {
             lost++;
             next++;
             status = OK;
         }
-        statement_reset(c->frame);
+        statement_reset(copier->frame);
     }
-    if (c->stray_count)
-        qsort(c->strays, (size_t)c->stray_count, sizeof *c->strays, by_key);
+    if (copier->stray_count)
+        qsort(copier->strays, (size_t)copier->stray_count, sizeof *copier->strays, by_key);
     return status == NOTHING ? OK : status;
 }
 
 // ------------------------------------------------------------- images
 
-static void *pixels_of(struct frame_copier *c, size_t bytes)
+static void *pixels_of(struct frame_copier *copier, size_t bytes)
 {
-    if (bytes > c->pixel_bytes) {
-        free(c->pixels);
-        c->pixels = malloc(bytes);
-        c->pixel_bytes = c->pixels ? bytes : 0;
+    if (bytes > copier->pixel_bytes) {
+        free(copier->pixels);
+        copier->pixels = malloc(bytes);
+        copier->pixel_bytes = copier->pixels ? bytes : 0;
     }
-    return c->pixels;
+    return copier->pixels;
 }
 
 enum image { IMAGE_MASK, IMAGE_DEPTH, IMAGE_COLOR };
 
 // Whether the code gives a picture: its checksum says only that it is as it was written.
-static enum status decode(struct frame_copier *c, enum image image, const uint8_t *bytes, size_t count,
-                          const struct calibration *k)
+static enum status decode_image(struct frame_copier *copier, enum image image, const uint8_t *bytes, size_t count,
+                                const struct calibration *calibration)
 {
-    const struct lens *lens = image == IMAGE_COLOR ? &k->color : &k->depth;
+    const struct lens *lens = image == IMAGE_COLOR ? &calibration->color : &calibration->depth;
     if (!lens->width)
         return fail(ERR_CORRUPT, "there is no such camera");
-    void *pixels = pixels_of(c, (size_t)lens->width * (size_t)lens->height * 3);
+    void *pixels = pixels_of(copier, (size_t)lens->width * (size_t)lens->height * 3);
     if (!pixels)
         return fail(ERR_MEMORY, "no memory for a frame's images");
     switch (image) {
-    case IMAGE_MASK: return mask_decode(c->coder, bytes, count, pixels, lens->width, lens->height);
-    case IMAGE_DEPTH: return depth_decode(c->coder, bytes, count, pixels, lens->width, lens->height);
+    case IMAGE_MASK: return mask_decode(copier->coder, bytes, count, pixels, lens->width, lens->height);
+    case IMAGE_DEPTH: return depth_decode(copier->coder, bytes, count, pixels, lens->width, lens->height);
     default: return jpeg_decode(bytes, count, pixels, lens->width, lens->height);
     }
 }
 
 // One image's bytes if they are as written; else NULL.
-static const uint8_t *intact_blob(struct statement *s, enum image image, size_t *count)
+static const uint8_t *intact_blob(struct statement *statement, enum image image, size_t *count)
 {
-    const uint8_t *bytes = statement_blob(s, 4 + (int)image, count);
-    if (bytes && crc32_of(0, bytes, *count) == statement_number(s, 1 + (int)image))
+    const uint8_t *bytes = statement_blob(statement, 4 + (int)image, count);
+    if (bytes && crc32_of(0, bytes, *count) == statement_number(statement, 1 + (int)image))
         return bytes;
     *count = 0;
     return NULL;
 }
 
-// Steps c->images to the row of the frame `key`, also where its id is damaged. NOTHING: it is lost.
-static enum status find_images(struct frame_copier *c, int64_t key)
+// Steps copier->images to the row of the frame `key`, also where its id is damaged. NOTHING: it is lost.
+static enum status find_images(struct frame_copier *copier, int64_t key)
 {
     for (int bit = -1; bit < 63; bit++) {
         const int64_t stored = bit < 0 ? key : key ^ (int64_t)1 << bit;
-        statement_bind_number(c->images, 1, stored);
-        enum status status = statement_step(c->images);
-        const int64_t crcs[3] = {statement_number(c->images, 1), statement_number(c->images, 2),
-                                 statement_number(c->images, 3)};
-        if (is_fatal_to_copier(c, status))
+        statement_bind_number(copier->images, 1, stored);
+        enum status status = statement_step(copier->images);
+        const int64_t crcs[3] = {statement_number(copier->images, 1), statement_number(copier->images, 2),
+                                 statement_number(copier->images, 3)};
+        if (is_fatal_to_copier(copier, status))
             return status;
-        const bool sealed = !statement_is_null(c->images, IMAGE_SEAL);
-        if (status == OK && seal_matches(c->images, IMAGE_SEAL, image_seal(key, crcs)) &&
-            (bit < 0 || sealed || !row_exists(c->frame_exists, stored)))
+        const bool sealed = !statement_is_null(copier->images, IMAGE_SEAL);
+        if (status == OK && seal_matches(copier->images, IMAGE_SEAL, image_seal(key, crcs)) &&
+            (bit < 0 || sealed || !row_exists(copier->frame_exists, stored)))
             return OK;
-        statement_reset(c->images);
+        statement_reset(copier->images);
         if (status < 0) // the page is damaged, not the id
             return NOTHING;
     }
@@ -244,23 +245,23 @@ static enum status find_images(struct frame_copier *c, int64_t key)
 // ------------------------------------------------------------- frames
 
 // The frame's joints' covariances, where they can be read: a frame can be shown without them.
-static enum status read_joint_error(struct frame_copier *c, int64_t key, struct take_entry *entry, bool *lost)
+static enum status read_joint_error(struct frame_copier *copier, int64_t key, struct take_entry *entry, bool *lost)
 {
     *lost = false;
-    if (!c->joint_error || !entry->has_skeleton)
+    if (!copier->joint_error || !entry->has_skeleton)
         return OK;
-    statement_bind_number(c->joint_error, 1, key);
-    enum status status = statement_step(c->joint_error);
+    statement_bind_number(copier->joint_error, 1, key);
+    enum status status = statement_step(copier->joint_error);
     if (status == OK)
-        status = joint_error_from_row(c->joint_error, &entry->skeleton);
-    statement_reset(c->joint_error);
+        status = joint_error_from_row(copier->joint_error, &entry->skeleton);
+    statement_reset(copier->joint_error);
     *lost = status != OK && status != NOTHING;
-    return is_fatal_to_copier(c, status) ? status : OK;
+    return is_fatal_to_copier(copier, status) ? status : OK;
 }
 
 // Copies one frame with what of its images can be used. NOTHING: there is nothing worth keeping.
-static enum status copy_frame(struct frame_copier *c, int64_t key, int64_t new_key, const struct take_entry *entry,
-                              const struct calibration *k, bool *damaged)
+static enum status copy_frame(struct frame_copier *copier, int64_t key, int64_t new_key, const struct take_entry *entry,
+                              const struct calibration *calibration, bool *damaged)
 {
     const bool possible = !entry->has_skeleton || skeleton_is_in_range(&entry->skeleton);
     struct frame_row row = {.key = new_key,
@@ -271,61 +272,61 @@ static enum status copy_frame(struct frame_copier *c, int64_t key, int64_t new_k
     const uint8_t **images[] = {&row.mask, &row.depth, &row.color};
     size_t *counts[] = {&row.mask_bytes, &row.depth_bytes, &row.color_bytes};
     const bool had[] = {entry->has_mask, entry->has_depth, entry->has_color};
-    enum status status = had[0] || had[1] || had[2] ? find_images(c, key) : NOTHING;
+    enum status status = had[0] || had[1] || had[2] ? find_images(copier, key) : NOTHING;
     const bool found = status == OK;
     *damaged = !possible;
-    for (int i = 0; i < 3 && !is_fatal_to_copier(c, status); i++) {
-        if (found && had[i] && (*images[i] = intact_blob(c->images, (enum image)i, counts[i]))) {
-            status = decode(c, (enum image)i, *images[i], *counts[i], k);
+    for (int i = 0; i < 3 && !is_fatal_to_copier(copier, status); i++) {
+        if (found && had[i] && (*images[i] = intact_blob(copier->images, (enum image)i, counts[i]))) {
+            status = decode_image(copier, (enum image)i, *images[i], *counts[i], calibration);
             if (status != OK)
                 *images[i] = NULL, *counts[i] = 0;
         } else if (found && had[i]) {
-            status = statement_check(c->images); // of memory, not of the image's
+            status = statement_check(copier->images); // of memory, not of the image's
         }
         *damaged = *damaged || (had[i] && !*images[i]);
     }
-    if (!is_fatal_to_copier(c, status))
+    if (!is_fatal_to_copier(copier, status))
         status = *damaged && !row.mask && !row.depth && !row.color && !row.skeleton
                      ? NOTHING
-                     : async_writer_add_frame(c->to, &row);
-    statement_reset(c->images);
+                     : async_writer_add_frame(copier->to, &row);
+    statement_reset(copier->images);
     return status;
 }
 
 // The next readable frame with its own id from *key on. NOTHING: there is none.
-static enum status next_frame(struct frame_copier *c, int64_t *key, int64_t last, struct take_entry *entry)
+static enum status next_frame(struct frame_copier *copier, int64_t *key, int64_t last, struct take_entry *entry)
 {
     for (int64_t lost = 0; lost < LOST_ROWS_MAX && *key <= last; lost++, ++*key) {
-        statement_bind_number(c->frame, 1, *key);
-        statement_bind_number(c->frame, 2, last);
-        enum status status = statement_step(c->frame);
+        statement_bind_number(copier->frame, 1, *key);
+        statement_bind_number(copier->frame, 2, last);
+        enum status status = statement_step(copier->frame);
         if (status == OK) {
-            *key = statement_number(c->frame, 0);
-            status = frame_from_row(c->frame, entry);
+            *key = statement_number(copier->frame, 0);
+            status = frame_from_row(copier->frame, entry);
         }
-        statement_reset(c->frame);
-        if (status == OK || status == NOTHING || is_fatal_to_copier(c, status))
+        statement_reset(copier->frame);
+        if (status == OK || status == NOTHING || is_fatal_to_copier(copier, status))
             return status;
     }
     return NOTHING;
 }
 
 // The row with the damaged id, read as if it had its own.
-static enum status read_stray(struct frame_copier *c, const struct stray *stray, struct take_entry *entry)
+static enum status read_stray(struct frame_copier *copier, const struct stray *stray, struct take_entry *entry)
 {
-    statement_bind_number(c->frame, 1, stray->stored_key);
-    statement_bind_number(c->frame, 2, stray->stored_key);
-    enum status status = statement_step(c->frame);
+    statement_bind_number(copier->frame, 1, stray->stored_key);
+    statement_bind_number(copier->frame, 2, stray->stored_key);
+    enum status status = statement_step(copier->frame);
     if (status == OK)
-        status = frame_from_row_as(c->frame, stray->key, entry);
-    statement_reset(c->frame);
+        status = frame_from_row_as(copier->frame, stray->key, entry);
+    statement_reset(copier->frame);
     return status;
 }
 
-static bool is_stray(const struct frame_copier *c, int64_t stored_key)
+static bool is_stray(const struct frame_copier *copier, int64_t stored_key)
 {
-    for (int64_t i = 0; i < c->stray_count; i++)
-        if (c->strays[i].stored_key == stored_key)
+    for (int64_t i = 0; i < copier->stray_count; i++)
+        if (copier->strays[i].stored_key == stored_key)
             return true;
     return false;
 }
@@ -339,44 +340,45 @@ struct frame_order {
 };
 
 // *key: whose frame *entry is. NOTHING: no more.
-static enum status next_in_order(struct frame_copier *c, struct frame_order *o, int64_t *key, struct take_entry *entry)
+static enum status next_in_order(struct frame_copier *copier, struct frame_order *order, int64_t *key,
+                                 struct take_entry *entry)
 {
     for (;;) {
-        if (!o->has_frame && o->key <= o->last) {
-            enum status status = next_frame(c, &o->key, o->last, &o->frame);
-            if (is_fatal_to_copier(c, status))
+        if (!order->has_frame && order->key <= order->last) {
+            enum status status = next_frame(copier, &order->key, order->last, &order->frame);
+            if (is_fatal_to_copier(copier, status))
                 return status;
-            o->has_frame = status == OK;
-            if (!o->has_frame)
-                o->key = o->last + 1;
-            if (o->has_frame && is_stray(c, o->key)) {
-                o->has_frame = false;
-                o->key++;
+            order->has_frame = status == OK;
+            if (!order->has_frame)
+                order->key = order->last + 1;
+            if (order->has_frame && is_stray(copier, order->key)) {
+                order->has_frame = false;
+                order->key++;
                 continue;
             }
         }
-        const struct stray *stray = o->stray < c->stray_count ? &c->strays[o->stray] : NULL;
-        if (stray && stray->key <= o->last && (!o->has_frame || stray->key < o->key)) {
-            o->stray++;
+        const struct stray *stray = order->stray < copier->stray_count ? &copier->strays[order->stray] : NULL;
+        if (stray && stray->key <= order->last && (!order->has_frame || stray->key < order->key)) {
+            order->stray++;
             *key = stray->key;
-            enum status status = read_stray(c, stray, entry);
-            if (status == OK || is_fatal_to_copier(c, status))
+            enum status status = read_stray(copier, stray, entry);
+            if (status == OK || is_fatal_to_copier(copier, status))
                 return status;
             continue;
         }
-        if (!o->has_frame)
+        if (!order->has_frame)
             return NOTHING;
-        *key = o->key++;
-        *entry = o->frame;
-        o->has_frame = false;
+        *key = order->key++;
+        *entry = order->frame;
+        order->has_frame = false;
         return OK;
     }
 }
 
-static struct frame_order frames_of(const struct frame_copier *c, int64_t take)
+static struct frame_order frames_of(const struct frame_copier *copier, int64_t take)
 {
     struct frame_order order = {.key = frame_key(take, 0), .last = frame_key(take, FRAME_NUMBER_MAX)};
-    while (order.stray < c->stray_count && c->strays[order.stray].key < order.key)
+    while (order.stray < copier->stray_count && copier->strays[order.stray].key < order.key)
         order.stray++;
     return order;
 }
@@ -429,19 +431,19 @@ static void coded_size(const uint8_t *bytes, size_t count, struct lens *lens)
 }
 
 // For a take whose row is damaged: takes the sizes of its images from the first one that can be read.
-static enum status frame_copier_infer_sizes(struct frame_copier *c, struct take_row *take)
+static enum status frame_copier_infer_sizes(struct frame_copier *copier, struct take_row *take)
 {
-    struct frame_order order = frames_of(c, take->id);
+    struct frame_order order = frames_of(copier, take->id);
     int64_t key;
     struct take_entry entry;
     enum status status = OK;
-    for (bool found = false; !found && (status = next_in_order(c, &order, &key, &entry)) == OK;) {
-        if ((status = find_images(c, key)) == OK) {
+    for (bool found = false; !found && (status = next_in_order(copier, &order, &key, &entry)) == OK;) {
+        if ((status = find_images(copier, key)) == OK) {
             struct calibration stated = take->calibration;
             size_t mask_bytes, depth_bytes, color_bytes;
-            const uint8_t *mask = intact_blob(c->images, IMAGE_MASK, &mask_bytes);
-            const uint8_t *depths = intact_blob(c->images, IMAGE_DEPTH, &depth_bytes);
-            const uint8_t *colors = intact_blob(c->images, IMAGE_COLOR, &color_bytes);
+            const uint8_t *mask = intact_blob(copier->images, IMAGE_MASK, &mask_bytes);
+            const uint8_t *depths = intact_blob(copier->images, IMAGE_DEPTH, &depth_bytes);
+            const uint8_t *colors = intact_blob(copier->images, IMAGE_COLOR, &color_bytes);
             coded_size(mask, mask_bytes, &stated.depth);
             coded_size(depths, depth_bytes, &stated.depth);
             int width, height;
@@ -452,11 +454,11 @@ static enum status frame_copier_infer_sizes(struct frame_copier *c, struct take_
             if (found)
                 take->calibration = stated;
         }
-        statement_reset(c->images);
-        if (is_fatal_to_copier(c, status))
+        statement_reset(copier->images);
+        if (is_fatal_to_copier(copier, status))
             return status;
     }
-    return is_fatal_to_copier(c, status) ? status : OK;
+    return is_fatal_to_copier(copier, status) ? status : OK;
 }
 
 // ---------------------------------------------------------------- place copier
@@ -577,23 +579,23 @@ struct repair {
 
 static bool is_fatal(enum status status) { return status == ERR_MEMORY; }
 
-static bool has_id(const struct id_list *l, int64_t id)
+static bool has_id(const struct id_list *list, int64_t id)
 {
-    for (int i = 0; i < l->count; i++)
-        if (l->ids[i] == id)
+    for (int i = 0; i < list->count; i++)
+        if (list->ids[i] == id)
             return true;
     return false;
 }
 
-static enum status add_id(struct id_list *l, int64_t id)
+static enum status add_id(struct id_list *list, int64_t id)
 {
-    if (has_id(l, id) || l->count >= TAKES_MAX)
+    if (has_id(list, id) || list->count >= TAKES_MAX)
         return OK;
-    int64_t *grown = realloc(l->ids, sizeof *grown * ((size_t)l->count + 1));
+    int64_t *grown = realloc(list->ids, sizeof *grown * ((size_t)list->count + 1));
     if (!grown)
         return fail(ERR_MEMORY, "no memory to repair a recording");
-    l->ids = grown;
-    grown[l->count++] = id;
+    list->ids = grown;
+    grown[list->count++] = id;
     return OK;
 }
 
@@ -613,61 +615,62 @@ static enum status list_ids(struct database *db, const char *sql, struct id_list
 
 // The id of a take whose row is damaged: one that differs in one bit and fits the seal, or, in an older file, that has
 // frames but no row.
-static int64_t true_id(struct repair *v, const struct take_row *row, int64_t crc, bool sealed, int64_t seal)
+static int64_t true_id(struct repair *repair, const struct take_row *row, int64_t crc, bool sealed, int64_t seal)
 {
-    if (sealed ? take_seal(row, (uint32_t)crc) == seal : has_id(&v->filmed, row->id))
+    if (sealed ? take_seal(row, (uint32_t)crc) == seal : has_id(&repair->filmed, row->id))
         return row->id;
     struct take_row other = *row;
     for (int bit = 0; bit < 31; bit++) {
         other.id = row->id ^ (int64_t)1 << bit;
-        if (take_id_is_valid(other.id) && (sealed ? take_seal(&other, (uint32_t)crc) == seal
-                                                  : has_id(&v->filmed, other.id) && !has_id(&v->rows, other.id)))
+        if (take_id_is_valid(other.id) &&
+            (sealed ? take_seal(&other, (uint32_t)crc) == seal
+                    : has_id(&repair->filmed, other.id) && !has_id(&repair->rows, other.id)))
             return other.id;
     }
     return row->id;
 }
 
 // Another name where it is lost or in use: a damaged bit can make one name another's.
-static void choose_name(const struct repair *v, struct take_row *take)
+static void choose_name(const struct repair *repair, struct take_row *take)
 {
     char wanted[TAKE_NAME_BYTES + 1];
     text_make_printable(take->name);
     if (!*take->name)
         snprintf(take->name, sizeof take->name, "take %lld", (long long)take->id);
     memcpy(wanted, take->name, sizeof wanted);
-    for (int n = 2, i = 0; i < v->names.count; i++)
-        if (!strcmp(v->written[i], take->name)) {
+    for (int n = 2, i = 0; i < repair->names.count; i++)
+        if (!strcmp(repair->written[i], take->name)) {
             snprintf(take->name, sizeof take->name, "%.180s (%d)", wanted, n++);
             text_make_printable(take->name); // the cut may have split a character
             i = -1;
         }
 }
 
-static enum status keep_name(struct repair *v, const char *name)
+static enum status keep_name(struct repair *repair, const char *name)
 {
-    char(*grown)[TAKE_NAME_BYTES + 1] = realloc(v->written, sizeof *grown * ((size_t)v->names.count + 1));
+    char(*grown)[TAKE_NAME_BYTES + 1] = realloc(repair->written, sizeof *grown * ((size_t)repair->names.count + 1));
     if (!grown)
-        return fail(ERR_MEMORY, "no memory to repair %s", database_path(v->from));
-    v->written = grown;
-    snprintf(grown[v->names.count++], sizeof *grown, "%s", name);
+        return fail(ERR_MEMORY, "no memory to repair %s", database_path(repair->from));
+    repair->written = grown;
+    snprintf(grown[repair->names.count++], sizeof *grown, "%s", name);
     return OK;
 }
 
 // whole: its row is as it was written.
-static enum status save_take(struct repair *v, struct take_row *take, bool whole)
+static enum status save_take(struct repair *repair, struct take_row *take, bool whole)
 {
     struct frame_copy_counts counts;
-    choose_name(v, take);
-    enum status status = whole ? OK : frame_copier_infer_sizes(v->copier, take);
+    choose_name(repair, take);
+    enum status status = whole ? OK : frame_copier_infer_sizes(repair->copier, take);
     if (status == OK)
-        status = frame_copier_copy(v->copier, take, take->id, true, &counts);
+        status = frame_copier_copy(repair->copier, take, take->id, true, &counts);
     if (status != OK)
         return status;
-    struct recording_report *r = v->report;
+    struct recording_report *r = repair->report;
     if (!counts.saved) { // an empty take is of no use
         r->lost_frames += counts.lost;
         r->lost_takes += take->frames != 0 && counts.lost;
-        return add_id(&v->used, take->id);
+        return add_id(&repair->used, take->id);
     }
     r->takes++;
     r->frames += counts.saved;
@@ -685,77 +688,77 @@ static enum status save_take(struct repair *v, struct take_row *take, bool whole
     if (!whole && !*take->note)
         snprintf(take->note, sizeof take->note,
                  "repaired: its row was damaged, so its name, lenses or body may not be what they were");
-    status = add_id(&v->used, take->id);
+    status = add_id(&repair->used, take->id);
     if (status == OK)
-        status = keep_name(v, take->name);
+        status = keep_name(repair, take->name);
     if (status == OK)
-        status = async_writer_put_take(v->writer, take);
-    return status == OK
-               ? async_writer_resume(v->writer, async_writer_pause(v->writer)) // it holds one take row at a time
-               : status;
+        status = async_writer_put_take(repair->writer, take);
+    return status == OK ? async_writer_resume(repair->writer,
+                                              async_writer_pause(repair->writer)) // it holds one take row at a time
+                        : status;
 }
 
-static struct take_row borrowed_take(const struct repair *v, int64_t id)
+static struct take_row borrowed_take(const struct repair *repair, int64_t id)
 {
     struct take_row take = {
-        .id = id, .calibration = v->calibration, .body = {.representative_frame = -1}, .frames = -1};
+        .id = id, .calibration = repair->calibration, .body = {.representative_frame = -1}, .frames = -1};
     return take;
 }
 
 // ------------------------------------------------------------- all takes
 
-// The row of v->takes. status: of take_from_row.
-static enum status save_row(struct repair *v, struct take_row *take, enum status status, bool usable)
+// The row of repair->takes. status: of take_from_row.
+static enum status save_row(struct repair *repair, struct take_row *take, enum status status, bool usable)
 {
     if (status == OK) {
-        if (!v->has_calibration) {
-            v->calibration = take->calibration;
-            v->has_calibration = true;
+        if (!repair->has_calibration) {
+            repair->calibration = take->calibration;
+            repair->has_calibration = true;
         }
-        if (has_id(&v->used, take->id)) { // by a row with a damaged id that says it was this one's
-            v->report->lost_takes++;
+        if (has_id(&repair->used, take->id)) { // by a row with a damaged id that says it was this one's
+            repair->report->lost_takes++;
             return OK;
         }
-        if (take->frames > 0 || has_id(&v->filmed, take->id) || !v->filmed.count)
-            return save_take(v, take, true);
+        if (take->frames > 0 || has_id(&repair->filmed, take->id) || !repair->filmed.count)
+            return save_take(repair, take, true);
         // A sound row without frames, in a file of an older version whose seal is missing: perhaps under another id.
     }
-    const int64_t crc = statement_number(v->takes, 6), seal = statement_number(v->takes, TAKE_SEAL);
-    const int64_t id = true_id(v, take, crc, !statement_is_null(v->takes, TAKE_SEAL), seal);
+    const int64_t crc = statement_number(repair->takes, 6), seal = statement_number(repair->takes, TAKE_SEAL);
+    const int64_t id = true_id(repair, take, crc, !statement_is_null(repair->takes, TAKE_SEAL), seal);
     const bool id_was_wrong = id != take->id;
     take->id = id;
-    if (has_id(&v->used, id) || !take_id_is_valid(id)) {
-        v->report->lost_takes++;
+    if (has_id(&repair->used, id) || !take_id_is_valid(id)) {
+        repair->report->lost_takes++;
         return OK;
     }
     if (status != OK && !usable) {
-        if (!v->has_calibration) {
-            v->report->lost_takes++;
+        if (!repair->has_calibration) {
+            repair->report->lost_takes++;
             return OK;
         }
-        take->calibration = v->calibration;
+        take->calibration = repair->calibration;
     }
-    return save_take(v, take, status == OK || (id_was_wrong && usable));
+    return save_take(repair, take, status == OK || (id_was_wrong && usable));
 }
 
-static enum status save_rows(struct repair *v)
+static enum status save_rows(struct repair *repair)
 {
     int64_t id = 0;
     for (int lost = 0; lost < LOST_TAKES_MAX && id <= TAKE_ID_MAX; id += id <= TAKE_ID_MAX) {
         struct take_row take = {0};
         bool usable = false;
-        statement_bind_number(v->takes, 1, id);
-        enum status status = statement_step(v->takes), row_status;
+        statement_bind_number(repair->takes, 1, id);
+        enum status status = statement_step(repair->takes), row_status;
         if (status == OK) {
-            row_status = take_from_row(v->takes, &take, &usable);
-            id = statement_number(v->takes, 0);
-            status = is_fatal(row_status) ? row_status : save_row(v, &take, row_status, usable);
+            row_status = take_from_row(repair->takes, &take, &usable);
+            id = statement_number(repair->takes, 0);
+            status = is_fatal(row_status) ? row_status : save_row(repair, &take, row_status, usable);
             lost = 0;
         } else if (status != NOTHING && !is_fatal(status)) {
             lost++;
             status = OK;
         }
-        statement_reset(v->takes);
+        statement_reset(repair->takes);
         if (status != OK)
             return status == NOTHING ? OK : status;
     }
@@ -763,73 +766,74 @@ static enum status save_rows(struct repair *v)
 }
 
 // Frames of takes whose rows are lost.
-static enum status save_orphans(struct repair *v)
+static enum status save_orphans(struct repair *repair)
 {
     enum status status = OK;
-    for (int i = 0; i < v->filmed.count && status == OK; i++) {
-        const int64_t id = v->filmed.ids[i];
-        if (has_id(&v->used, id))
+    for (int i = 0; i < repair->filmed.count && status == OK; i++) {
+        const int64_t id = repair->filmed.ids[i];
+        if (has_id(&repair->used, id))
             continue;
-        struct take_row take = borrowed_take(v, id);
-        if (!v->has_calibration) {
-            v->report->lost_takes++;
+        struct take_row take = borrowed_take(repair, id);
+        if (!repair->has_calibration) {
+            repair->report->lost_takes++;
             continue;
         }
-        status = save_take(v, &take, false);
+        status = save_take(repair, &take, false);
     }
     return status;
 }
 
 // ------------------------------------------------------------- the file
 
-static enum status copy_place(struct repair *v, const char *path, const char *to)
+static enum status copy_place(struct repair *repair, const char *path, const char *to)
 {
     struct place_copy_counts counts;
     enum status status = place_copy(path, to, COPIER_READS_WHAT_IT_CAN, &counts);
-    v->calibration = counts.calibration;
-    v->has_calibration = counts.has_calibration;
-    v->report->lost_place = counts.lost_place;
-    v->report->lost_views = counts.lost_views;
-    v->report->lost_map_covariances = counts.lost_map_covariances;
-    v->report->lost_things = counts.lost_things;
+    repair->calibration = counts.calibration;
+    repair->has_calibration = counts.has_calibration;
+    repair->report->lost_place = counts.lost_place;
+    repair->report->lost_views = counts.lost_views;
+    repair->report->lost_map_covariances = counts.lost_map_covariances;
+    repair->report->lost_things = counts.lost_things;
     return status;
 }
 
-static enum status open_both(struct repair *v, const char *path, const char *to)
+static enum status open_both(struct repair *repair, const char *path, const char *to)
 {
-    enum status status = database_open(&v->from, path, DATABASE_SALVAGE);
+    enum status status = database_open(&repair->from, path, DATABASE_SALVAGE);
     if (status == OK)
-        status = recording_check_tables(v->from);
+        status = recording_check_tables(repair->from);
     if (status == OK)
-        status = select_open(&v->takes, v->from, TABLE_TAKE, "WHERE rowid >= ? ORDER BY rowid LIMIT 1");
+        status = select_open(&repair->takes, repair->from, TABLE_TAKE, "WHERE rowid >= ? ORDER BY rowid LIMIT 1");
     if (status == OK)
-        status = database_open(&v->to, to, DATABASE_WRITE);
+        status = database_open(&repair->to, to, DATABASE_WRITE);
     if (status == OK)
-        status = database_lock_writer(v->to);
+        status = database_lock_writer(repair->to);
     if (status == OK)
-        status = async_writer_open(&v->writer, v->to);
+        status = async_writer_open(&repair->writer, repair->to);
     if (status == OK)
-        status = frame_copier_open(&v->copier, v->from, v->writer, COPIER_READS_WHAT_IT_CAN);
+        status = frame_copier_open(&repair->copier, repair->from, repair->writer, COPIER_READS_WHAT_IT_CAN);
     if (status == OK)
-        status = list_ids(v->from, "SELECT rowid FROM take", &v->rows);
+        status = list_ids(repair->from, "SELECT rowid FROM take", &repair->rows);
     if (status == OK)
-        status = list_ids(v->from, "SELECT DISTINCT rowid >> 32 FROM frame", &v->filmed);
-    return status == OK ? frame_copier_find_strays(v->copier) : status;
+        status = list_ids(repair->from, "SELECT DISTINCT rowid >> 32 FROM frame", &repair->filmed);
+    return status == OK ? frame_copier_find_strays(repair->copier) : status;
 }
 
 // What was said of the takes. Of frames that are lost now it is stale, which its key tells.
-static enum status copy_verdicts(struct repair *v)
+static enum status copy_verdicts(struct repair *repair)
 {
     struct id_list saved = {0};
-    enum status status = list_ids(v->to, "SELECT rowid FROM take", &saved);
+    enum status status = list_ids(repair->to, "SELECT rowid FROM take", &saved);
     for (int i = 0; i < saved.count && status == OK; i++)
-        status = recorded_verdict_copy(v->from, saved.ids[i], v->to, saved.ids[i]);
+        status = recorded_verdict_copy(repair->from, saved.ids[i], repair->to, saved.ids[i]);
     free(saved.ids);
     return status;
 }
 
 // Copies everything into `part`, an empty recording, and gives it the name `to`.
-static enum status salvage(const char *path, const char *part, const char *to, struct recording_report *report)
+static enum status salvage_recording(const char *path, const char *part, const char *to,
+                                     struct recording_report *report)
 {
     struct repair v = {.report = report};
     enum status status = copy_place(&v, path, part);
@@ -897,7 +901,7 @@ enum status recording_repair(const char *path, const char *to, struct recording_
     *out = (struct recording_report){.findings = found.findings, .bytes = found.bytes};
     memcpy(out->finding, found.finding, sizeof out->finding);
     if (status == OK)
-        status = salvage(path, part, to, out);
+        status = salvage_recording(path, part, to, out);
     if (status != OK) {
         struct failure first;
         failure_keep(&first, status);

@@ -23,7 +23,7 @@ struct span {
 };
 
 // All that there is to make, in the words in which it is made.
-static const char *made(int i)
+static const char *schema_text(int i)
 {
     const char *const texts[] = {recording_tables, PREPARED_TABLE, VERDICT_TABLE, THING_TABLES, DRIVE_TABLE};
     return i < (int)COUNT_OF(texts) ? texts[i] : NULL;
@@ -31,15 +31,15 @@ static const char *made(int i)
 
 static bool is_blank(char c) { return isspace((unsigned char)c) != 0; }
 
-static struct span trimmed(struct span s)
+static struct span trim_span(struct span span)
 {
-    while (s.count && is_blank(s.at[0])) {
-        s.at++;
-        s.count--;
+    while (span.count && is_blank(span.at[0])) {
+        span.at++;
+        span.count--;
     }
-    while (s.count && is_blank(s.at[s.count - 1]))
-        s.count--;
-    return s;
+    while (span.count && is_blank(span.at[span.count - 1]))
+        span.count--;
+    return span;
 }
 
 // The same words, however far apart.
@@ -67,7 +67,7 @@ static bool next_column(struct span *list, struct span *column)
         return false;
     const char *comma = memchr(list->at, ',', list->count);
     const size_t count = comma ? (size_t)(comma - list->at) : list->count;
-    *column = trimmed((struct span){list->at, count});
+    *column = trim_span((struct span){list->at, count});
     list->at += count + (comma != NULL);
     list->count -= count + (comma != NULL);
     return true;
@@ -135,8 +135,8 @@ static bool find_made(const char *name, struct span *out)
 {
     static const char create[] = "CREATE TABLE ", if_none[] = "IF NOT EXISTS ";
     const size_t name_length = strlen(name);
-    for (int i = 0; made(i); i++)
-        for (const char *at = made(i); (at = strstr(at, create)) != NULL;) {
+    for (int i = 0; schema_text(i); i++)
+        for (const char *at = schema_text(i); (at = strstr(at, create)) != NULL;) {
             at += sizeof create - 1;
             at += strncmp(at, if_none, sizeof if_none - 1) ? 0 : sizeof if_none - 1;
             if (strncmp(at, name, name_length) || at[name_length] != '(')
@@ -251,11 +251,11 @@ uint32_t row_seal(int64_t id, uint32_t crc) { return crc32_of_number(crc32_of_nu
 
 uint32_t place_seal(uint32_t crc, int64_t views) { return crc32_of_number(crc32_of_number(0, crc), views); }
 
-uint32_t take_seal(const struct take_row *t, uint32_t crc)
+uint32_t take_seal(const struct take_row *row, uint32_t crc)
 {
-    uint32_t seal = crc32_of_number(crc32_of_number(row_seal(t->id, crc), t->frames), t->lost);
-    seal = crc32_of(seal, t->note, strlen(t->note) + 1);
-    return crc32_of(seal, t->alias, strlen(t->alias) + 1);
+    uint32_t seal = crc32_of_number(crc32_of_number(row_seal(row->id, crc), row->frames), row->lost);
+    seal = crc32_of(seal, row->note, strlen(row->note) + 1);
+    return crc32_of(seal, row->alias, strlen(row->alias) + 1);
 }
 
 uint32_t image_seal(int64_t id, const int64_t crcs[3])
@@ -266,9 +266,9 @@ uint32_t image_seal(int64_t id, const int64_t crcs[3])
     return seal;
 }
 
-bool seal_matches(struct statement *s, int column, uint32_t seal)
+bool seal_matches(struct statement *statement, int column, uint32_t seal)
 {
-    return statement_is_null(s, column) || statement_number(s, column) == seal;
+    return statement_is_null(statement, column) || statement_number(statement, column) == seal;
 }
 
 // ------------------------------------------------------------- columns
@@ -354,24 +354,24 @@ enum status insert_open(struct statement **out, struct database *db, enum record
     return statement_open(out, db, sql);
 }
 
-void take_bind(struct statement *row, const struct take_row *t, uint8_t calibration[CALIBRATION_BYTES],
+void take_bind(struct statement *row, const struct take_row *take_row, uint8_t calibration[CALIBRATION_BYTES],
                uint8_t body[BODY_BYTES])
 {
-    put_calibration(calibration, &t->calibration);
-    put_body(body, &t->body);
-    const uint32_t crc = take_crc(t->name, calibration, t->complete, t->dropped, body);
-    statement_bind_number(row, 1, t->id);
-    statement_bind_text(row, 2, t->name);
+    put_calibration(calibration, &take_row->calibration);
+    put_body(body, &take_row->body);
+    const uint32_t crc = take_crc(take_row->name, calibration, take_row->complete, take_row->dropped, body);
+    statement_bind_number(row, 1, take_row->id);
+    statement_bind_text(row, 2, take_row->name);
     statement_bind_blob(row, 3, calibration, CALIBRATION_BYTES);
-    statement_bind_number(row, 4, t->complete);
-    statement_bind_number(row, 5, t->dropped);
+    statement_bind_number(row, 4, take_row->complete);
+    statement_bind_number(row, 5, take_row->dropped);
     statement_bind_blob(row, 6, body, BODY_BYTES);
     statement_bind_number(row, 7, crc);
-    statement_bind_number(row, TAKE_FRAMES + 1, t->frames);
-    statement_bind_number(row, TAKE_LOST + 1, t->lost);
-    statement_bind_text(row, TAKE_NOTE + 1, t->note);
-    statement_bind_text(row, TAKE_ALIAS + 1, t->alias);
-    statement_bind_number(row, TAKE_SEAL + 1, take_seal(t, crc));
+    statement_bind_number(row, TAKE_FRAMES + 1, take_row->frames);
+    statement_bind_number(row, TAKE_LOST + 1, take_row->lost);
+    statement_bind_text(row, TAKE_NOTE + 1, take_row->note);
+    statement_bind_text(row, TAKE_ALIAS + 1, take_row->alias);
+    statement_bind_number(row, TAKE_SEAL + 1, take_seal(take_row, crc));
 }
 
 // ------------------------------------------------------------- layouts
@@ -405,28 +405,30 @@ void get_pose(const uint8_t in[POSE_BYTES], struct pose *out)
     out->rotation.w = get_f64(&in);
 }
 
-static uint8_t *put_lens(uint8_t *at, const struct lens *l)
+static uint8_t *put_lens(uint8_t *at, const struct lens *lens)
 {
-    const double numbers[9] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
-    at = put_u32(put_u32(at, (uint32_t)l->width), (uint32_t)l->height);
+    const double numbers[9] = {lens->fx, lens->fy, lens->cx, lens->cy, lens->k1,
+                               lens->k2, lens->p1, lens->p2, lens->k3};
+    at = put_u32(put_u32(at, (uint32_t)lens->width), (uint32_t)lens->height);
     for (int i = 0; i < 9; i++)
         at = put_f64(at, numbers[i]);
     return at;
 }
 
-static void get_lens(const uint8_t **at, struct lens *l)
+static void get_lens(const uint8_t **at, struct lens *lens)
 {
-    double *numbers[9] = {&l->fx, &l->fy, &l->cx, &l->cy, &l->k1, &l->k2, &l->p1, &l->p2, &l->k3};
-    l->width = (int32_t)get_u32(at);
-    l->height = (int32_t)get_u32(at);
+    double *numbers[9] = {&lens->fx, &lens->fy, &lens->cx, &lens->cy, &lens->k1,
+                          &lens->k2, &lens->p1, &lens->p2, &lens->k3};
+    lens->width = (int32_t)get_u32(at);
+    lens->height = (int32_t)get_u32(at);
     for (int i = 0; i < 9; i++)
         *numbers[i] = get_f64(at);
 }
 
-void put_calibration(uint8_t out[CALIBRATION_BYTES], const struct calibration *c)
+void put_calibration(uint8_t out[CALIBRATION_BYTES], const struct calibration *calibration)
 {
-    uint8_t *at = put_lens(put_lens(out, &c->color), &c->depth);
-    put_pose(put_u8(at, c->registered), &c->color_from_depth);
+    uint8_t *at = put_lens(put_lens(out, &calibration->color), &calibration->depth);
+    put_pose(put_u8(at, calibration->registered), &calibration->color_from_depth);
 }
 
 void get_calibration(const uint8_t in[CALIBRATION_BYTES], struct calibration *out)
@@ -439,13 +441,13 @@ void get_calibration(const uint8_t in[CALIBRATION_BYTES], struct calibration *ou
         out->color_from_depth = POSE_IDENTITY;
 }
 
-void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *s)
+void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *skeleton)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
         // An unknown joint's position is meaningless and must not make the file invalid.
-        bool is_undefined = s->confidence[j] == 0 && !position_is_valid(s->joint[j]);
-        out = put_vec3(out, is_undefined ? v3(0, 0, 0) : s->joint[j]);
-        out = put_f32(out, s->confidence[j]);
+        bool is_undefined = skeleton->confidence[j] == 0 && !position_is_valid(skeleton->joint[j]);
+        out = put_vec3(out, is_undefined ? v3(0, 0, 0) : skeleton->joint[j]);
+        out = put_f32(out, skeleton->confidence[j]);
     }
 }
 
@@ -459,11 +461,11 @@ void get_skeleton(const uint8_t in[SKELETON_BYTES], struct skeleton *out)
     }
 }
 
-void put_joint_error(uint8_t out[JOINT_ERROR_BYTES], const struct skeleton *s)
+void put_joint_error(uint8_t out[JOINT_ERROR_BYTES], const struct skeleton *skeleton)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
         for (int i = 0; i < 6; i++)
-            out = put_u16(out, s->covariance[j].half[i]);
+            out = put_u16(out, skeleton->covariance[j].half[i]);
 }
 
 void get_joint_error(const uint8_t in[JOINT_ERROR_BYTES], struct skeleton *out)
@@ -569,16 +571,16 @@ void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_landmark *o
 
 bool position_is_valid(struct vec3 p)
 {
-    return v3_finite(p) && fabs(p.x) < RECORDING_METRES_MOST && fabs(p.y) < RECORDING_METRES_MOST &&
-           fabs(p.z) < RECORDING_METRES_MOST;
+    return v3_finite(p) && fabs(p.x) < RECORDING_METRES_MAX && fabs(p.y) < RECORDING_METRES_MAX &&
+           fabs(p.z) < RECORDING_METRES_MAX;
 }
 
-bool pose_is_valid(struct pose p)
+bool pose_is_valid(struct pose pose)
 {
-    static const double LENGTH_OFF_MOST = 1e-3; // who computes in single precision is off by a thousandth of that
-    const struct quat q = p.rotation;
+    static const double LENGTH_OFF_MAX = 1e-3; // who computes in single precision is off by a thousandth of that
+    const struct quat q = pose.rotation;
     const double length = sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w); // inf of large numbers, NaN of NaN
-    return position_is_valid(p.translation) && fabs(length - 1) < LENGTH_OFF_MOST;
+    return position_is_valid(pose.translation) && fabs(length - 1) < LENGTH_OFF_MAX;
 }
 
 bool tag_is_finite(const struct place_tag *tag)
@@ -602,22 +604,22 @@ bool point_is_finite(const struct place_landmark *point)
     return finite;
 }
 
-bool place_is_finite(const struct place *p)
+bool place_is_finite(const struct place *place)
 {
-    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
-    for (int32_t i = 0; i < p->tag_count; i++)
-        finite = finite && tag_is_finite(&p->tags[i]);
-    for (int32_t i = 0; i < p->point_count; i++)
-        finite = finite && point_is_finite(&p->points[i]);
-    for (int32_t i = 0; i < p->view_count; i++)
-        finite = finite && pose_is_valid(p->views[i].world_from_camera);
+    bool finite = isfinite(place->rms_px) && isfinite(place->rms_m);
+    for (int32_t i = 0; i < place->tag_count; i++)
+        finite = finite && tag_is_finite(&place->tags[i]);
+    for (int32_t i = 0; i < place->point_count; i++)
+        finite = finite && point_is_finite(&place->points[i]);
+    for (int32_t i = 0; i < place->view_count; i++)
+        finite = finite && pose_is_valid(place->views[i].world_from_camera);
     return finite;
 }
 
-static bool pose_is_identity(struct pose p)
+static bool pose_is_identity(struct pose pose)
 {
-    return p.rotation.x == 0 && p.rotation.y == 0 && p.rotation.z == 0 && fabs(p.rotation.w) == 1 &&
-           p.translation.x == 0 && p.translation.y == 0 && p.translation.z == 0;
+    return pose.rotation.x == 0 && pose.rotation.y == 0 && pose.rotation.z == 0 && fabs(pose.rotation.w) == 1 &&
+           pose.translation.x == 0 && pose.translation.y == 0 && pose.translation.z == 0;
 }
 
 enum status calibration_check(const struct calibration *c)
@@ -636,27 +638,28 @@ enum status calibration_check(const struct calibration *c)
     return status;
 }
 
-bool skeleton_has_known_joint(const struct skeleton *s)
+bool skeleton_has_known_joint(const struct skeleton *skeleton)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (s->confidence[j] > 0)
+        if (skeleton->confidence[j] > 0)
             return true;
     return false;
 }
 
-bool skeleton_has_covariance(const struct skeleton *s)
+bool skeleton_has_covariance(const struct skeleton *skeleton)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (covariance_is_known(s->covariance[j]))
+        if (covariance_is_known(skeleton->covariance[j]))
             return true;
     return false;
 }
 
-bool skeleton_is_valid(const struct skeleton *s)
+bool skeleton_is_valid(const struct skeleton *skeleton)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (!isfinite(s->confidence[j]) || (s->confidence[j] != 0 && !position_is_valid(s->joint[j])) ||
-            !covariance_is_finite(s->covariance[j]))
+        if (!isfinite(skeleton->confidence[j]) ||
+            (skeleton->confidence[j] != 0 && !position_is_valid(skeleton->joint[j])) ||
+            !covariance_is_finite(skeleton->covariance[j]))
             return false;
     return true;
 }
@@ -664,7 +667,7 @@ bool skeleton_is_valid(const struct skeleton *s)
 bool body_is_valid(const struct body *body)
 {
     for (int p = 0; p < PART_COUNT; p++)
-        if (!(body->radius_rate[p] >= 0 && body->radius_rate[p] <= BODY_RADIUS_RATE_MOST))
+        if (!(body->radius_rate[p] >= 0 && body->radius_rate[p] <= BODY_RADIUS_RATE_MAX))
             return false;
     return true;
 }

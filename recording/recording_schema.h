@@ -1,9 +1,9 @@
 // The tables of a recording and the binary layout of their blobs, shared by writer, reader, verify and repair; internal
 // to this folder. docs/format.md specifies the same. Pure but for the last three functions.
 #pragma once
+#include "platform/files/compress.h"
 #include "platform/files/database.h"
 #include "recording/recording.h"
-#include "platform/files/compress.h"
 
 // ---------------------------------------------------------------- exact schema
 
@@ -33,9 +33,9 @@ enum {
     POINT_SIDE_BYTES = 3 * 4,
     TAKE_NAME_BYTES = 200,
     TAKE_NOTE_BYTES = 2000,
-    PLACE_ITEMS_MAX = 2000000,       // tags, points or views: keeps every blob below DATABASE_BLOB_MAX
-    RECORDING_METRES_MOST = 1000000, // any place on Earth is nearer to another that a sensor sees; chosen by hand
-    BODY_RADIUS_RATE_MOST = 100,     // a part's radius over its length: no body has 2; chosen by hand
+    PLACE_ITEMS_MAX = 2000000,      // tags, points or views: keeps every blob below DATABASE_BLOB_MAX
+    RECORDING_METRES_MAX = 1000000, // any place on Earth is nearer to another that a sensor sees; chosen by hand
+    BODY_RADIUS_RATE_MAX = 100,     // a part's radius over its length: no body has 2; chosen by hand
 };
 
 // A frame's row id: the take's id and the frame's number in it; its images have the same.
@@ -135,10 +135,10 @@ uint32_t place_seal(uint32_t crc, int64_t views);
 uint32_t take_seal(const struct take_row *take, uint32_t crc);
 uint32_t image_seal(int64_t id, const int64_t crcs[3]); // of mask, depth, color; 0: none
 // Whether the row's seal is `seal`; true where it has none.
-bool seal_matches(struct statement *s, int column, uint32_t seal);
+bool seal_matches(struct statement *statement, int column, uint32_t seal);
 
-// Binds the row to a statement of insert_open(TABLE_TAKE). `t` must outlive its run.
-void take_bind(struct statement *row, const struct take_row *t, uint8_t calibration[CALIBRATION_BYTES],
+// Binds the row to a statement of insert_open(TABLE_TAKE). `take_row` must outlive its run.
+void take_bind(struct statement *row, const struct take_row *take_row, uint8_t calibration[CALIBRATION_BYTES],
                uint8_t body[BODY_BYTES]);
 
 // ERR_INPUT: a take cannot have that name.
@@ -187,16 +187,16 @@ bool tag_is_finite(const struct place_tag *tag);          // likewise
 bool place_is_finite(const struct place *place);          // all of these, and its views' poses and residuals
 bool skeleton_has_known_joint(const struct skeleton *skeleton);
 bool skeleton_has_covariance(const struct skeleton *skeleton); // of any joint
-// The ranges of docs/format.md: finite, a rotation, and within RECORDING_METRES_MOST of the origin.
+// The ranges of docs/format.md: finite, a rotation, and within RECORDING_METRES_MAX of the origin.
 bool pose_is_valid(struct pose pose);
 bool position_is_valid(struct vec3 position);
 bool skeleton_is_valid(const struct skeleton *skeleton); // known joints are, and all covariances finite
-bool body_is_valid(const struct body *body);             // radii are none, or at most BODY_RADIUS_RATE_MOST lengths
+bool body_is_valid(const struct body *body);             // radii are none, or at most BODY_RADIUS_RATE_MAX lengths
 
 // Number of pixels of the depth image; 0: there is no depth camera.
-static inline size_t depth_pixels(const struct calibration *c)
+static inline size_t depth_pixels(const struct calibration *calibration)
 {
-    return (size_t)c->depth.width * (size_t)c->depth.height;
+    return (size_t)calibration->depth.width * (size_t)calibration->depth.height;
 }
 
 // Removes the file, its write-ahead log and the log's index, those that exist.

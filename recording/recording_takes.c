@@ -3,8 +3,8 @@
 
 #include "base/text.h"
 #include "platform/files/file.h"
-#include "recording/recording_repair.h"
 #include "recording/recording_reader.h"
+#include "recording/recording_repair.h"
 #include "recording/recording_schema.h"
 
 #include <inttypes.h>
@@ -16,10 +16,11 @@
 // Where the request lies in the table `prepared`, whose other rows belong to takes, from 1 on (docs/format.md).
 #define REQUEST_ROW "1"
 
-static uint32_t number_of(const struct erasure_request *r)
+static uint32_t number_of(const struct erasure_request *request)
 {
-    const int64_t numbers[] = {r->numbers[0], r->numbers[1], r->seal};
-    const uint32_t crc = crc32_of(crc32_of(0, r->what, strlen(r->what) + 1), r->take, strlen(r->take) + 1);
+    const int64_t numbers[] = {request->numbers[0], request->numbers[1], request->seal};
+    const uint32_t crc =
+        crc32_of(crc32_of(0, request->what, strlen(request->what) + 1), request->take, strlen(request->take) + 1);
     return crc32_of(crc, numbers, sizeof numbers);
 }
 
@@ -72,7 +73,7 @@ enum status erasure_note(struct database *db, const struct erasure_request *requ
 }
 
 // The note, and the table where nothing else is in it: it takes a page of 64 KiB.
-static enum status forget(struct database *db)
+static enum status delete_request(struct database *db)
 {
     int64_t rows = 0;
     enum status status = database_begin(db);
@@ -94,7 +95,7 @@ enum status erasure_finish(struct database *db, const char *done)
                     "program, then run it again",
                     done, database_path(db));
     // The pending request holds no picture or joint: its own removal needs no proof of being overwritten.
-    return status == OK ? forget(db) : status;
+    return status == OK ? delete_request(db) : status;
 }
 
 // ---------------------------------------------------------------- recording change
@@ -145,14 +146,14 @@ static enum status open_to_change(struct database **db, const char *path)
 }
 
 // The same, and begins a transaction.
-static enum status begin(struct database **db, const char *path)
+static enum status begin_change(struct database **db, const char *path)
 {
     const enum status status = open_to_change(db, path);
     return status == OK ? database_begin(*db) : status;
 }
 
 // Ends the transaction, if one is open, and closes.
-static enum status end(struct database **db, enum status status)
+static enum status end_change(struct database **db, enum status status)
 {
     struct failure first;
     if (status == OK && database_in_transaction(*db))
@@ -181,7 +182,7 @@ static enum status is_mostly_free(struct database *db, bool *out)
 
 // Gives the pages that nothing uses any more back to the disk. Where there is no room for the second copy that this
 // takes, they stay in the file. freed NULL: they stay, too, but where that copy is smaller than they are.
-static enum status shrink(const char *path, int64_t before, int64_t *freed)
+static enum status shrink_file(const char *path, int64_t before, int64_t *freed)
 {
     struct database *db;
     int64_t exact = 0;
@@ -225,7 +226,7 @@ static enum status find_shown(struct database *db, const char *name, struct take
 }
 
 // NOTHING: no such take. ERR_CORRUPT: its row is damaged.
-static enum status find(struct database *db, const char *name, struct take_row *out)
+static enum status find_take(struct database *db, const char *name, struct take_row *out)
 {
     struct statement *s;
     bool usable;
@@ -240,9 +241,9 @@ static enum status find(struct database *db, const char *name, struct take_row *
     return status == NOTHING ? find_shown(db, name, out) : status;
 }
 
-static enum status need(struct database *db, const char *name, struct take_row *out)
+static enum status require_take(struct database *db, const char *name, struct take_row *out)
 {
-    enum status status = find(db, name, out);
+    enum status status = find_take(db, name, out);
     if (status == NOTHING)
         return fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", database_path(db),
                     name);
@@ -257,13 +258,13 @@ static enum status check_free(struct database *db, const char *name)
     struct take_row other;
     enum status status = take_name_check(name);
     if (status == OK)
-        status = find(db, name, &other);
+        status = find_take(db, name, &other);
     if (status == OK || status == ERR_CORRUPT)
         return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(db), name);
     return status == NOTHING ? OK : status;
 }
 
-static enum status put(struct database *db, const struct take_row *take)
+static enum status put_take(struct database *db, const struct take_row *take)
 {
     struct statement *s;
     uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
@@ -282,16 +283,16 @@ enum status recording_rename_take(const char *path, const char *name, const char
 {
     struct database *db;
     struct take_row take;
-    enum status status = begin(&db, path);
+    enum status status = begin_change(&db, path);
     if (status == OK)
-        status = need(db, name, &take);
+        status = require_take(db, name, &take);
     if (status == OK && strcmp(name, new_name))
         status = check_free(db, new_name);
     if (status == OK) {
         snprintf(take.name, sizeof take.name, "%s", new_name);
-        status = put(db, &take);
+        status = put_take(db, &take);
     }
-    return end(&db, status);
+    return end_change(&db, status);
 }
 
 static enum status set_text(char *out, size_t size, const char *text, const char *what)
@@ -310,16 +311,16 @@ enum status recording_annotate_take(const char *path, const char *name, const ch
 {
     struct database *db;
     struct take_row take;
-    enum status status = begin(&db, path);
+    enum status status = begin_change(&db, path);
     if (status == OK)
-        status = need(db, name, &take);
+        status = require_take(db, name, &take);
     if (status == OK)
         status = set_text(take.note, sizeof take.note, note, "note");
     if (status == OK)
         status = set_text(take.alias, sizeof take.alias, alias, "alias");
     if (status == OK)
-        status = put(db, &take);
-    return end(&db, status);
+        status = put_take(db, &take);
+    return end_change(&db, status);
 }
 
 // ------------------------------------------------------------- deleting and trimming
@@ -416,11 +417,11 @@ static enum status find_seal(struct database *db, struct erasure_request *reques
     return status == NOTHING ? OK : status;
 }
 
-static enum status change_and_note(struct database *db, const struct erasing *e, struct erasure_request *request)
+static enum status change_and_note(struct database *db, const struct erasing *erasing, struct erasure_request *request)
 {
     enum status status = database_begin(db);
     if (status == OK)
-        status = e->change(db, e);
+        status = erasing->change(db, erasing);
     if (status == OK)
         status = find_seal(db, request);
     if (status == OK)
@@ -428,33 +429,34 @@ static enum status change_and_note(struct database *db, const struct erasing *e,
     return status == OK ? database_run(db, "COMMIT") : status;
 }
 
-static enum status erase(const struct erasing *e, int64_t *freed)
+static enum status run_erasure(const struct erasing *erasing, int64_t *freed)
 {
     struct database *db = NULL;
-    const int64_t before = recording_bytes(e->path);
-    struct erasure_request request = {.what = e->what, .take = e->take, .numbers = {e->from_ns, e->to_ns}};
+    const int64_t before = recording_bytes(erasing->path);
+    struct erasure_request request = {
+        .what = erasing->what, .take = erasing->take, .numbers = {erasing->from_ns, erasing->to_ns}};
     char done[TAKE_NAME_BYTES + 40];
-    snprintf(done, sizeof done, "take '%s' is %s", e->take, e->done);
+    snprintf(done, sizeof done, "take '%s' is %s", erasing->take, erasing->done);
     if (freed)
         *freed = 0;
-    enum status status = open_to_change(&db, e->path);
+    enum status status = open_to_change(&db, erasing->path);
     if (status == OK)
         status = find_seal(db, &request);
     if (status == OK)
         status = erasure_begin(db, &request);
     if (status == OK)
-        status = change_and_note(db, e, &request);
+        status = change_and_note(db, erasing, &request);
     if (status == OK || status == NOTHING)
         status = erasure_finish(db, done);
-    status = end(&db, explain_full(db, status));
-    return status == OK ? shrink(e->path, before, freed) : status;
+    status = end_change(&db, explain_full(db, status));
+    return status == OK ? shrink_file(erasing->path, before, freed) : status;
 }
 
-static enum status delete_take(struct database *db, const struct erasing *e)
+static enum status delete_take(struct database *db, const struct erasing *erasing)
 {
     struct take_row take;
     struct statement *s = NULL;
-    enum status status = need(db, e->take, &take);
+    enum status status = require_take(db, erasing->take, &take);
     if (status == OK)
         status = delete_frames(db, frame_key(take.id, 0), frame_key(take.id, FRAME_NUMBER_MAX));
     if (status == OK)
@@ -473,13 +475,13 @@ static enum status delete_take(struct database *db, const struct erasing *e)
 
 enum status recording_delete_take(const char *path, const char *name, int64_t *freed)
 {
-    return erase(
+    return run_erasure(
         &(struct erasing){.path = path, .take = name, .what = "delete", .done = "deleted", .change = delete_take},
         freed);
 }
 
 // Numbers of the first and the last frame that stay. NOTHING: none; *end_ns is then when the last one is.
-static enum status find_range(struct database *db, int64_t take, const struct erasing *e, int64_t range[2],
+static enum status find_range(struct database *db, int64_t take, const struct erasing *erasing, int64_t range[2],
                               int64_t *end_ns)
 {
     struct statement *s;
@@ -500,7 +502,7 @@ static enum status find_range(struct database *db, int64_t take, const struct er
         // unsigned: the times of a foreign file may lie any distance apart
         const uint64_t at_ns = (uint64_t)entry.time_ns - (uint64_t)start_ns;
         *end_ns = at_ns < INT64_MAX ? (int64_t)at_ns : INT64_MAX;
-        if (at_ns >= (uint64_t)e->from_ns && at_ns <= (uint64_t)e->to_ns) {
+        if (at_ns >= (uint64_t)erasing->from_ns && at_ns <= (uint64_t)erasing->to_ns) {
             range[0] = range[0] < 0 ? entry.row_number : range[0];
             range[1] = entry.row_number;
         }
@@ -510,7 +512,7 @@ static enum status find_range(struct database *db, int64_t take, const struct er
 }
 
 // Gives the rows with keys from `first` on the keys from `to` on, and the seals that belong to them.
-static enum status renumber(struct database *db, int64_t first, int64_t last, int64_t to)
+static enum status renumber_rows(struct database *db, int64_t first, int64_t last, int64_t to)
 {
     static const struct {
         enum recording_table table;
@@ -550,26 +552,27 @@ static enum status renumber(struct database *db, int64_t first, int64_t last, in
     return status;
 }
 
-static enum status nothing_between(const struct erasing *e, int64_t end_ns)
+static enum status nothing_between(const struct erasing *erasing, int64_t end_ns)
 {
-    char from[SECONDS_TEXT_BYTES], to[SECONDS_TEXT_BYTES], end[SECONDS_TEXT_BYTES];
-    seconds_text(e->from_ns, 3, from);
-    seconds_text(e->to_ns, 3, to);
-    if (e->from_ns > end_ns)
-        return fail(ERR_INPUT, "take '%s' ends at %s s, before %s s; it stays as it was", e->take,
-                    seconds_text(end_ns, 3, end), from);
-    return fail(ERR_INPUT, "no frame of take '%s' lies between %s s and %s s; it stays as it was", e->take, from, to);
+    char from[SECONDS_TEXT_BYTES], to[SECONDS_TEXT_BYTES], end_change[SECONDS_TEXT_BYTES];
+    seconds_text(erasing->from_ns, 3, from);
+    seconds_text(erasing->to_ns, 3, to);
+    if (erasing->from_ns > end_ns)
+        return fail(ERR_INPUT, "take '%s' ends at %s s, before %s s; it stays as it was", erasing->take,
+                    seconds_text(end_ns, 3, end_change), from);
+    return fail(ERR_INPUT, "no frame of take '%s' lies between %s s and %s s; it stays as it was", erasing->take, from,
+                to);
 }
 
-static enum status trim_take(struct database *db, const struct erasing *e)
+static enum status trim_take(struct database *db, const struct erasing *erasing)
 {
     struct take_row take;
     int64_t range[2] = {0, 0}, end_ns = 0;
-    enum status status = need(db, e->take, &take);
+    enum status status = require_take(db, erasing->take, &take);
     if (status == OK)
-        status = find_range(db, take.id, e, range, &end_ns);
+        status = find_range(db, take.id, erasing, range, &end_ns);
     if (status == NOTHING)
-        status = nothing_between(e, end_ns);
+        status = nothing_between(erasing, end_ns);
     if (status == OK)
         status = delete_frames(db, frame_key(take.id, range[1]) + 1, frame_key(take.id, FRAME_NUMBER_MAX));
     if (status == OK)
@@ -577,13 +580,13 @@ static enum status trim_take(struct database *db, const struct erasing *e)
     if (status == OK)
         status = delete_prepared(db, take.id);
     if (status == OK)
-        status = renumber(db, frame_key(take.id, range[0]), frame_key(take.id, range[1]), frame_key(take.id, 0));
+        status = renumber_rows(db, frame_key(take.id, range[0]), frame_key(take.id, range[1]), frame_key(take.id, 0));
     if (status != OK)
         return status;
     int64_t *shown = &take.body.representative_frame;
     *shown = *shown >= range[0] && *shown <= range[1] ? *shown - range[0] : -1;
     take.frames = take.frames < 0 ? -1 : range[1] - range[0] + 1;
-    return put(db, &take);
+    return put_take(db, &take);
 }
 
 enum status recording_trim_take(const char *path, const char *name, int64_t from_ns, int64_t to_ns, int64_t *freed)
@@ -593,14 +596,14 @@ enum status recording_trim_take(const char *path, const char *name, int64_t from
     if (from_ns < 0 || to_ns < from_ns)
         return fail(ERR_INPUT, "a take is trimmed from a second to a later one, not from %.3f to %.3f",
                     (double)from_ns * 1e-9, (double)to_ns * 1e-9);
-    return erase(&(struct erasing){.path = path,
-                                   .take = name,
-                                   .what = "trim",
-                                   .done = "trimmed",
-                                   .from_ns = from_ns,
-                                   .to_ns = to_ns,
-                                   .change = trim_take},
-                 freed);
+    return run_erasure(&(struct erasing){.path = path,
+                                         .take = name,
+                                         .what = "trim",
+                                         .done = "trimmed",
+                                         .from_ns = from_ns,
+                                         .to_ns = to_ns,
+                                         .change = trim_take},
+                       freed);
 }
 
 // ------------------------------------------------------------- copying
@@ -671,7 +674,7 @@ static enum status copy_into(const char *path, const char *name, const char *to,
     if (status == OK)
         status = recording_check_tables(from);
     if (status == OK)
-        status = need(from, name, &take);
+        status = require_take(from, name, &take);
     if (status == OK)
         status = database_open(&db, to, DATABASE_WRITE);
     if (status == OK)

@@ -1,11 +1,10 @@
 // Writing a recording: checks and encodes what is given; async_writer.h stores it.
-#include "recording/depth_codec.h"
-#include "recording/recording_reader.h"
-#include "recording/async_writer.h"
-
 #include "base/text.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
+#include "recording/async_writer.h"
+#include "recording/depth_codec.h"
+#include "recording/recording_reader.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,12 +23,12 @@ struct recording_writer {
 
 // Frees everything; returns the first error the writer met, with its sentence. The log is checkpointed and removed only
 // if there was no error.
-static enum status release(struct recording_writer **w, enum status status)
+static enum status release_writer(struct recording_writer **writer, enum status status)
 {
     struct failure first;
     failure_keep(&first, status);
-    struct recording_writer *closing = *w;
-    *w = NULL;
+    struct recording_writer *closing = *writer;
+    *writer = NULL;
     enum status written = async_writer_close(&closing->async_writer);
     if (written == OK && status == OK)
         written = database_close_wal(closing->db);
@@ -40,12 +39,12 @@ static enum status release(struct recording_writer **w, enum status status)
     return status == OK ? written : failure_restore(&first);
 }
 
-static enum status prepare(struct recording_writer *w)
+static enum status prepare_writer(struct recording_writer *writer)
 {
-    enum status status = depth_coder_open(&w->coder);
+    enum status status = depth_coder_open(&writer->coder);
     if (status == OK)
-        status = depth_coder_open(&w->mask_coder);
-    return status == OK ? async_writer_open(&w->async_writer, w->db) : status;
+        status = depth_coder_open(&writer->mask_coder);
+    return status == OK ? async_writer_open(&writer->async_writer, writer->db) : status;
 }
 
 // An empty recording, made under another name and renamed, so that a kill leaves either none or a whole one.
@@ -111,8 +110,8 @@ enum status recording_append(struct recording_writer **out, const char *path)
     if (status == OK)
         status = recording_add_columns(w->db);
     if (status == OK)
-        status = prepare(w);
-    return status == OK ? OK : release(out, status);
+        status = prepare_writer(w);
+    return status == OK ? OK : release_writer(out, status);
 }
 
 enum status recording_check_change(const char *path)
@@ -131,25 +130,25 @@ enum status recording_close(struct recording_writer **w)
 {
     if (!*w)
         return OK;
-    return release(w, (*w)->in_take && !(*w)->frames ? recording_end_take(*w) : OK);
+    return release_writer(w, (*w)->in_take && !(*w)->frames ? recording_end_take(*w) : OK);
 }
 
 // ------------------------------------------------------------- the place
 
-static enum status check_place(const struct place *p)
+static enum status check_place(const struct place *place)
 {
-    enum status status = calibration_check(&p->calibration);
+    enum status status = calibration_check(&place->calibration);
     if (status != OK)
         return status;
-    if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MAX || p->point_count < 0 || p->point_count > PLACE_ITEMS_MAX ||
-        p->view_count < 0 || p->view_count > PLACE_ITEMS_MAX)
+    if (place->tag_count < 0 || place->tag_count > PLACE_ITEMS_MAX || place->point_count < 0 ||
+        place->point_count > PLACE_ITEMS_MAX || place->view_count < 0 || place->view_count > PLACE_ITEMS_MAX)
         return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
-    return place_is_finite(p) ? OK : fail(ERR_INPUT, "the place holds a number that is not finite or out of range");
+    return place_is_finite(place) ? OK : fail(ERR_INPUT, "the place holds a number that is not finite or out of range");
 }
 
-static enum status put_place_row(struct database *db, const struct place *p)
+static enum status put_place_row(struct database *db, const struct place *place)
 {
-    size_t tag_bytes = (size_t)p->tag_count * TAG_BYTES, point_bytes = (size_t)p->point_count * POINT_BYTES;
+    size_t tag_bytes = (size_t)place->tag_count * TAG_BYTES, point_bytes = (size_t)place->point_count * POINT_BYTES;
     uint8_t calibration[CALIBRATION_BYTES], residuals[RESIDUAL_BYTES];
     uint8_t *tags = malloc(tag_bytes + 1), *points = malloc(point_bytes + 1); // + 1: malloc(0) may be NULL
     struct statement *s = NULL;
@@ -159,12 +158,12 @@ static enum status put_place_row(struct database *db, const struct place *p)
     if (status == OK)
         status = insert_open(&s, db, TABLE_PLACE, false);
     if (status == OK) {
-        put_calibration(calibration, &p->calibration);
-        put_residuals(residuals, p->rms_px, p->rms_m);
-        for (int32_t i = 0; i < p->tag_count; i++)
-            put_tag(tags + (size_t)i * TAG_BYTES, &p->tags[i]);
-        for (int32_t i = 0; i < p->point_count; i++)
-            put_point(points + (size_t)i * POINT_BYTES, &p->points[i]);
+        put_calibration(calibration, &place->calibration);
+        put_residuals(residuals, place->rms_px, place->rms_m);
+        for (int32_t i = 0; i < place->tag_count; i++)
+            put_tag(tags + (size_t)i * TAG_BYTES, &place->tags[i]);
+        for (int32_t i = 0; i < place->point_count; i++)
+            put_point(points + (size_t)i * POINT_BYTES, &place->points[i]);
         uint32_t crc = crc32_of(crc32_of(0, calibration, sizeof calibration), residuals, sizeof residuals);
         statement_bind_blob(s, 1, calibration, sizeof calibration);
         statement_bind_blob(s, 2, residuals, sizeof residuals);
@@ -172,8 +171,8 @@ static enum status put_place_row(struct database *db, const struct place *p)
         statement_bind_blob(s, 4, points, point_bytes);
         crc = crc32_of(crc32_of(crc, tags, tag_bytes), points, point_bytes);
         statement_bind_number(s, 5, crc);
-        statement_bind_number(s, PLACE_VIEWS + 1, p->view_count);
-        statement_bind_number(s, PLACE_SEAL + 1, place_seal(crc, p->view_count));
+        statement_bind_number(s, PLACE_VIEWS + 1, place->view_count);
+        statement_bind_number(s, PLACE_SEAL + 1, place_seal(crc, place->view_count));
         status = statement_run(s);
     }
     statement_close(&s);
@@ -183,13 +182,13 @@ static enum status put_place_row(struct database *db, const struct place *p)
 }
 
 // Writes the optional tables of landmarks and tags.
-static enum status put_optional(struct database *db, const struct place *p)
+static enum status put_optional(struct database *db, const struct place *place)
 {
     static const char *const insert[OPTIONAL_TABLE_COUNT] = {
         "INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)",
         "INSERT INTO tag_error(id, covariances, crc) VALUES(1,?,?)",
         "INSERT INTO point_side(id, directions, crc) VALUES(1,?,?)"};
-    const size_t points = (size_t)p->point_count, tags = (size_t)p->tag_count;
+    const size_t points = (size_t)place->point_count, tags = (size_t)place->tag_count;
     const size_t bytes[OPTIONAL_TABLE_COUNT] = {points * POINT_ERROR_BYTES, tags * TAG_ERROR_BYTES,
                                                 points * POINT_SIDE_BYTES};
     uint8_t *known = malloc(bytes[0] + bytes[1] + bytes[2] + 1);
@@ -197,11 +196,11 @@ static enum status put_optional(struct database *db, const struct place *p)
         return fail(ERR_MEMORY, "no memory to write the place");
     uint8_t *tag = known + bytes[0], *side = tag + bytes[1];
     for (size_t i = 0; i < points; i++) {
-        put_point_error(known + i * POINT_ERROR_BYTES, &p->points[i]);
-        put_point_side(side + i * POINT_SIDE_BYTES, &p->points[i]);
+        put_point_error(known + i * POINT_ERROR_BYTES, &place->points[i]);
+        put_point_side(side + i * POINT_SIDE_BYTES, &place->points[i]);
     }
     for (size_t i = 0; i < tags; i++)
-        put_tag_error(tag + i * TAG_ERROR_BYTES, &p->tags[i]);
+        put_tag_error(tag + i * TAG_ERROR_BYTES, &place->tags[i]);
     enum status status = OK;
     const uint8_t *first = known;
     for (int k = 0; k < OPTIONAL_TABLE_COUNT && status == OK; first += bytes[k++]) {
@@ -218,19 +217,19 @@ static enum status put_optional(struct database *db, const struct place *p)
     return status;
 }
 
-static enum status put_views(struct database *db, struct depth_coder *coder, const struct place *p)
+static enum status put_views(struct database *db, struct depth_coder *coder, const struct place *place)
 {
     struct statement *s;
     enum status status = insert_open(&s, db, TABLE_VIEW, false);
-    for (int32_t i = 0; status == OK && i < p->view_count; i++) {
-        const struct place_view *view = &p->views[i];
+    for (int32_t i = 0; status == OK && i < place->view_count; i++) {
+        const struct place_view *view = &place->views[i];
         const uint8_t *depth = NULL;
         size_t depth_bytes = 0, jpeg_bytes = view->jpeg ? view->jpeg_bytes : 0;
         uint8_t pose[POSE_BYTES];
         put_pose(pose, &view->world_from_camera);
-        if (view->depth && depth_pixels(&p->calibration))
-            status = depth_encode(coder, view->depth, p->calibration.depth.width, p->calibration.depth.height, &depth,
-                                  &depth_bytes);
+        if (view->depth && depth_pixels(&place->calibration))
+            status = depth_encode(coder, view->depth, place->calibration.depth.width, place->calibration.depth.height,
+                                  &depth, &depth_bytes);
         if (status != OK)
             break;
         statement_bind_number(s, 1, i);
@@ -283,10 +282,10 @@ enum status take_name_check(const char *name)
 }
 
 // NOTHING: there is no take of that name.
-static enum status find_take(struct recording_writer *w, const char *name)
+static enum status find_take(struct recording_writer *writer, const char *name)
 {
     struct statement *s;
-    enum status status = statement_open(&s, w->db, "SELECT rowid FROM take WHERE name = ?");
+    enum status status = statement_open(&s, writer->db, "SELECT rowid FROM take WHERE name = ?");
     if (status == OK) {
         statement_bind_text(s, 1, name);
         status = statement_step(s);
@@ -295,14 +294,15 @@ static enum status find_take(struct recording_writer *w, const char *name)
     return status;
 }
 
-// The database part of recording_begin_take, which only reads. Sets w->take.id. ERR_EXISTS: the name is in use.
-static enum status new_take_id(struct recording_writer *w, const char *name)
+// The database part of recording_begin_take, which only reads. Sets writer->take.id. ERR_EXISTS: the name is in use.
+static enum status new_take_id(struct recording_writer *writer, const char *name)
 {
-    enum status status = find_take(w, name);
+    enum status status = find_take(writer, name);
     if (status == OK)
         return ERR_EXISTS;
-    return status == NOTHING ? database_number(w->db, "SELECT coalesce(max(rowid), 0) + 1 FROM take", &w->take.id)
-                             : status;
+    return status == NOTHING
+               ? database_number(writer->db, "SELECT coalesce(max(rowid), 0) + 1 FROM take", &writer->take.id)
+               : status;
 }
 
 enum status recording_begin_take(struct recording_writer *w, const char *name, const struct calibration *calibration)
@@ -352,22 +352,22 @@ enum status recording_put_dropped(struct recording_writer *w, int64_t dropped)
 }
 
 // An empty take would only keep its name from being used.
-static enum status remove_take(struct recording_writer *w)
+static enum status remove_take(struct recording_writer *writer)
 {
     struct statement *s = NULL;
-    enum status status = async_writer_pause(w->async_writer);
+    enum status status = async_writer_pause(writer->async_writer);
     if (status == OK)
-        status = database_begin(w->db);
+        status = database_begin(writer->db);
     if (status == OK)
-        status = statement_open(&s, w->db, "DELETE FROM take WHERE rowid = ?");
+        status = statement_open(&s, writer->db, "DELETE FROM take WHERE rowid = ?");
     if (status == OK) {
-        statement_bind_number(s, 1, w->take.id);
+        statement_bind_number(s, 1, writer->take.id);
         status = statement_run(s);
     }
     statement_close(&s);
     if (status == OK)
-        status = database_run(w->db, "COMMIT");
-    return async_writer_resume(w->async_writer, status);
+        status = database_run(writer->db, "COMMIT");
+    return async_writer_resume(writer->async_writer, status);
 }
 
 enum status recording_end_take(struct recording_writer *w)
@@ -382,14 +382,14 @@ enum status recording_end_take(struct recording_writer *w)
     return status == OK ? async_writer_resume(w->async_writer, async_writer_pause(w->async_writer)) : status;
 }
 
-struct recording_counters recording_writer_count(const struct recording_writer *w)
+struct recording_counters recording_writer_count(const struct recording_writer *writer)
 {
     struct recording_counters counters;
-    async_writer_count(w->async_writer, &counters);
+    async_writer_count(writer->async_writer, &counters);
     return counters;
 }
 
-const char *recording_writer_path(const struct recording_writer *w) { return database_path(w->db); }
+const char *recording_writer_path(const struct recording_writer *writer) { return database_path(writer->db); }
 
 // ------------------------------------------------------------- replacing skeletons
 
@@ -398,65 +398,67 @@ struct skeleton_statements {
     struct statement *read, *write, *forget, *keep;
 };
 
-static enum status open_skeleton_statements(struct skeleton_statements *s, struct database *db)
+static enum status open_skeleton_statements(struct skeleton_statements *statements, struct database *db)
 {
-    enum status status = select_open(&s->read, db, TABLE_FRAME, "WHERE rowid = ?");
+    enum status status = select_open(&statements->read, db, TABLE_FRAME, "WHERE rowid = ?");
     if (status == OK)
-        status = statement_open(&s->write, db, "UPDATE frame SET skeleton = ?, crc = ?, seal = ? WHERE rowid = ?");
+        status =
+            statement_open(&statements->write, db, "UPDATE frame SET skeleton = ?, crc = ?, seal = ? WHERE rowid = ?");
     if (status == OK)
-        status = statement_open(&s->forget, db, "DELETE FROM joint_error WHERE rowid = ?");
-    return status == OK ? insert_open(&s->keep, db, TABLE_JOINT_ERROR, false) : status;
+        status = statement_open(&statements->forget, db, "DELETE FROM joint_error WHERE rowid = ?");
+    return status == OK ? insert_open(&statements->keep, db, TABLE_JOINT_ERROR, false) : status;
 }
 
-static void close_skeleton_statements(struct skeleton_statements *s)
+static void close_skeleton_statements(struct skeleton_statements *statements)
 {
-    statement_close(&s->read);
-    statement_close(&s->write);
-    statement_close(&s->forget);
-    statement_close(&s->keep);
+    statement_close(&statements->read);
+    statement_close(&statements->write);
+    statement_close(&statements->forget);
+    statement_close(&statements->keep);
 }
 
-static enum status replace_covariances(const struct skeleton_statements *s, int64_t key,
+static enum status replace_covariances(const struct skeleton_statements *statements, int64_t key,
                                        const struct skeleton *skeleton)
 {
     uint8_t bytes[JOINT_ERROR_BYTES];
-    statement_bind_number(s->forget, 1, key);
-    enum status status = statement_run(s->forget);
+    statement_bind_number(statements->forget, 1, key);
+    enum status status = statement_run(statements->forget);
     if (status != OK || !skeleton_has_known_joint(skeleton) || !skeleton_has_covariance(skeleton))
         return status;
     put_joint_error(bytes, skeleton);
-    statement_bind_number(s->keep, 1, key);
-    statement_bind_blob(s->keep, 2, bytes, sizeof bytes);
+    statement_bind_number(statements->keep, 1, key);
+    statement_bind_blob(statements->keep, 2, bytes, sizeof bytes);
     const uint32_t crc = crc32_of(0, bytes, sizeof bytes);
-    statement_bind_number(s->keep, 3, crc);
-    statement_bind_number(s->keep, JOINT_ERROR_SEAL + 1, row_seal(key, crc));
-    return statement_run(s->keep);
+    statement_bind_number(statements->keep, 3, crc);
+    statement_bind_number(statements->keep, JOINT_ERROR_SEAL + 1, row_seal(key, crc));
+    return statement_run(statements->keep);
 }
 
 // A key without a row is skipped.
-static enum status replace_skeleton(const struct skeleton_statements *s, int64_t key, const struct skeleton *skeleton)
+static enum status replace_skeleton(const struct skeleton_statements *statements, int64_t key,
+                                    const struct skeleton *skeleton)
 {
     struct take_entry entry;
     uint8_t pose[POSE_BYTES], bytes[SKELETON_BYTES];
-    statement_bind_number(s->read, 1, key);
-    enum status status = statement_step(s->read);
+    statement_bind_number(statements->read, 1, key);
+    enum status status = statement_step(statements->read);
     if (status == OK)
-        status = frame_from_row(s->read, &entry);
-    unsigned images = status == OK ? (unsigned)statement_number(s->read, 5) : 0;
-    statement_reset(s->read);
+        status = frame_from_row(statements->read, &entry);
+    unsigned images = status == OK ? (unsigned)statement_number(statements->read, 5) : 0;
+    statement_reset(statements->read);
     if (status != OK || !entry.has_skeleton)
         return status == NOTHING ? OK : status;
     put_pose(pose, &entry.world_from_camera);
     put_skeleton(bytes, skeleton);
     size_t count = skeleton_has_known_joint(skeleton) ? sizeof bytes : 0;
     const uint8_t *blob = count ? bytes : NULL;
-    statement_bind_blob(s->write, 1, blob, count);
+    statement_bind_blob(statements->write, 1, blob, count);
     const uint32_t crc = frame_crc(entry.time_ns, entry.located, pose, blob, count, images);
-    statement_bind_number(s->write, 2, crc);
-    statement_bind_number(s->write, 3, row_seal(key, crc));
-    statement_bind_number(s->write, 4, key);
-    status = statement_run(s->write);
-    return status == OK ? replace_covariances(s, key, skeleton) : status;
+    statement_bind_number(statements->write, 2, crc);
+    statement_bind_number(statements->write, 3, row_seal(key, crc));
+    statement_bind_number(statements->write, 4, key);
+    status = statement_run(statements->write);
+    return status == OK ? replace_covariances(statements, key, skeleton) : status;
 }
 
 enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton, int64_t count)
@@ -482,23 +484,23 @@ enum status recording_put_skeletons(struct recording_writer *w, const struct ske
 
 // ------------------------------------------------------------- frames
 
-static enum status check_frame(const struct recording_writer *w, const struct take_frame *f)
+static enum status check_frame(const struct recording_writer *writer, const struct take_frame *frame)
 {
-    const struct calibration *c = &w->take.calibration;
-    if (w->frames && f->time_ns <= w->last_time_ns)
-        return fail(ERR_ORDER, "a frame of %lld ns came after one of %lld ns", (long long)f->time_ns,
-                    (long long)w->last_time_ns);
-    if (f->time_ns < -TAKE_TIME_MOST_NS || f->time_ns > TAKE_TIME_MOST_NS)
-        return fail(ERR_INPUT, "a frame's time, %lld ns, is of no clock", (long long)f->time_ns);
-    if (w->frames > FRAME_NUMBER_MAX)
-        return fail(ERR_INPUT, "the take '%s' is full", w->take.name);
-    if (!pose_is_valid(f->world_from_camera) || (f->has_skeleton && !skeleton_is_valid(&f->skeleton)))
+    const struct calibration *c = &writer->take.calibration;
+    if (writer->frames && frame->time_ns <= writer->last_time_ns)
+        return fail(ERR_ORDER, "a frame of %lld ns came after one of %lld ns", (long long)frame->time_ns,
+                    (long long)writer->last_time_ns);
+    if (frame->time_ns < -TAKE_TIME_MAX_NS || frame->time_ns > TAKE_TIME_MAX_NS)
+        return fail(ERR_INPUT, "a frame's time, %lld ns, is of no clock", (long long)frame->time_ns);
+    if (writer->frames > FRAME_NUMBER_MAX)
+        return fail(ERR_INPUT, "the take '%s' is full", writer->take.name);
+    if (!pose_is_valid(frame->world_from_camera) || (frame->has_skeleton && !skeleton_is_valid(&frame->skeleton)))
         return fail(ERR_INPUT, "a frame's pose or skeleton holds a number that is not finite or out of range");
-    if ((f->depth || f->mask) && !depth_pixels(c))
+    if ((frame->depth || frame->mask) && !depth_pixels(c))
         return fail(ERR_INPUT, "a frame has depth but the take's calibration has no depth camera");
-    if (f->jpeg) {
+    if (frame->jpeg) {
         int width, height;
-        enum status status = jpeg_size(f->jpeg, f->jpeg_bytes, &width, &height);
+        enum status status = jpeg_size(frame->jpeg, frame->jpeg_bytes, &width, &height);
         if (status != OK)
             return fail(ERR_INPUT, "a frame's colour cannot be kept: %s", status_message());
         if (width != c->color.width || height != c->color.height)

@@ -35,10 +35,10 @@ static const char *const joint_names[JOINT_COUNT] = {
     [JOINT_RIGHT_FOOT] = "right_foot",
 };
 
-const char *joint_name(enum joint j)
+const char *joint_name(enum joint joint)
 {
-    assert(j >= 0 && j < JOINT_COUNT);
-    return joint_names[j];
+    assert(joint >= 0 && joint < JOINT_COUNT);
+    return joint_names[joint];
 }
 
 bool joint_from_name(const char *name, enum joint *out)
@@ -51,26 +51,27 @@ bool joint_from_name(const char *name, enum joint *out)
     return false;
 }
 
-bool part_is_known(const struct body *body, const struct skeleton *s, enum part p)
+bool part_is_known(const struct body *body, const struct skeleton *skeleton, enum part part)
 {
-    return body->radius_rate[p] > 0 && s->confidence[part_ends[p].from] > 0 && s->confidence[part_ends[p].to] > 0;
+    return body->radius_rate[part] > 0 && skeleton->confidence[part_ends[part].from] > 0 &&
+           skeleton->confidence[part_ends[part].to] > 0;
 }
 
-struct covariance3 joint_covariance(const struct skeleton *s, enum joint j)
+struct covariance3 joint_covariance(const struct skeleton *skeleton, enum joint joint)
 {
-    return covariance_unpack(s->covariance[j]);
+    return covariance_unpack(skeleton->covariance[joint]);
 }
 
-void joint_set_covariance(struct skeleton *s, enum joint j, const struct covariance3 *m2)
+void joint_set_covariance(struct skeleton *skeleton, enum joint joint, const struct covariance3 *m2)
 {
-    s->covariance[j] = covariance_pack(m2);
+    skeleton->covariance[joint] = covariance_pack(m2);
 }
 
-double joint_sigma_m(const struct skeleton *s, enum joint j)
+double joint_sigma_m(const struct skeleton *skeleton, enum joint joint)
 {
-    if (!covariance_is_known(s->covariance[j]))
+    if (!covariance_is_known(skeleton->covariance[joint]))
         return (double)NAN;
-    const struct covariance3 c = joint_covariance(s, j);
+    const struct covariance3 c = joint_covariance(skeleton, joint);
     return sqrt(covariance3_trace(&c) / 3);
 }
 
@@ -95,26 +96,29 @@ struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *
     return in_a;
 }
 
-bool skeleton_is_in_range(const struct skeleton *s)
+bool skeleton_is_in_range(const struct skeleton *skeleton)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (!(s->confidence[j] >= 0 && s->confidence[j] <= 1))
+        if (!(skeleton->confidence[j] >= 0 && skeleton->confidence[j] <= 1))
             return false;
     return true;
 }
 
-static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+static bool is_joint_known(const struct skeleton *skeleton, enum joint joint)
+{
+    return skeleton->confidence[joint] > 0;
+}
 
-static double cosine(struct vec3 a, struct vec3 b) { return v3_dot(v3_unit(a), v3_unit(b)); }
+static double cosine_between(struct vec3 a, struct vec3 b) { return v3_dot(v3_unit(a), v3_unit(b)); }
 
-bool skeleton_standing_axis(const struct skeleton *s, struct vec3 *axis)
+bool skeleton_standing_axis(const struct skeleton *skeleton, struct vec3 *axis)
 {
     static const enum joint needed[] = {JOINT_NECK,      JOINT_LEFT_HIP,   JOINT_LEFT_KNEE, JOINT_LEFT_FOOT,
                                         JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
     for (size_t i = 0; i < COUNT_OF(needed); i++)
-        if (!known(s, needed[i]))
+        if (!is_joint_known(skeleton, needed[i]))
             return false;
-    const struct vec3 *p = s->joint;
+    const struct vec3 *p = skeleton->joint;
     const struct vec3 hips = v3_mix(p[JOINT_LEFT_HIP], p[JOINT_RIGHT_HIP], 0.5),
                       feet = v3_mix(p[JOINT_LEFT_FOOT], p[JOINT_RIGHT_FOOT], 0.5), trunk = v3_sub(p[JOINT_NECK], hips);
     const double straight = 0.966; // 15 degrees
@@ -122,7 +126,8 @@ bool skeleton_standing_axis(const struct skeleton *s, struct vec3 *axis)
         const struct vec3 hip = p[side ? JOINT_RIGHT_HIP : JOINT_LEFT_HIP],
                           knee = p[side ? JOINT_RIGHT_KNEE : JOINT_LEFT_KNEE],
                           foot = p[side ? JOINT_RIGHT_FOOT : JOINT_LEFT_FOOT];
-        if (cosine(v3_sub(hip, knee), v3_sub(knee, foot)) < straight || cosine(v3_sub(hip, foot), trunk) < straight)
+        if (cosine_between(v3_sub(hip, knee), v3_sub(knee, foot)) < straight ||
+            cosine_between(v3_sub(hip, foot), trunk) < straight)
             return false;
     }
     *axis = v3_unit(v3_sub(p[JOINT_NECK], feet));

@@ -53,12 +53,12 @@ struct skeleton {
     struct covariance_root covariance[JOINT_COUNT];
 };
 
-struct covariance3 joint_covariance(const struct skeleton *s, enum joint j); // m^2; all 0: not known
-void joint_set_covariance(struct skeleton *s, enum joint j, const struct covariance3 *m2);
+struct covariance3 joint_covariance(const struct skeleton *skeleton, enum joint joint); // m^2; all 0: not known
+void joint_set_covariance(struct skeleton *skeleton, enum joint joint, const struct covariance3 *m2);
 // The standard deviation per axis: the root of a third of the covariance's trace. NaN: not known.
-double joint_sigma_m(const struct skeleton *s, enum joint j);
+double joint_sigma_m(const struct skeleton *skeleton, enum joint joint);
 
-bool skeleton_is_in_range(const struct skeleton *s); // all confidences are in [0, 1]; NaN is not
+bool skeleton_is_in_range(const struct skeleton *skeleton); // all confidences are in [0, 1]; NaN is not
 
 // The confidence of a joint with this standard deviation per axis that the frame shows, or does not: 1 where it shows
 // it to SEEN_SIGMA_MAX_M, 0 beyond KNOWN_SIGMA_MAX_M, else 0.5. NaN, not known: 1 or 0.5.
@@ -68,7 +68,7 @@ float confidence_of(double sigma_m, bool observed);
 
 // The direction from the feet to the neck of a person whose legs and trunk are straight and together, unit. False: this
 // one's are not.
-bool skeleton_standing_axis(const struct skeleton *s, struct vec3 *axis);
+bool skeleton_standing_axis(const struct skeleton *skeleton, struct vec3 *axis);
 
 // A part runs from joint `from` to joint `to`; its cylinder's radius is radius_rate times their distance ([D14] 4.1).
 struct part_ends {
@@ -76,7 +76,7 @@ struct part_ends {
 };
 extern const struct part_ends part_ends[PART_COUNT];
 
-const char *joint_name(enum joint j); // "left_elbow"
+const char *joint_name(enum joint joint); // "left_elbow"
 bool joint_from_name(const char *name, enum joint *out);
 
 // What is constant over a take.
@@ -86,7 +86,7 @@ struct body {
 };
 
 // True: both joints of the part are known and its radius was measured.
-bool part_is_known(const struct body *body, const struct skeleton *skeleton, enum part p);
+bool part_is_known(const struct body *body, const struct skeleton *skeleton, enum part part);
 
 // Positions and covariances, in the axes of a.
 struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *in_b);

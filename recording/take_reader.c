@@ -79,31 +79,31 @@ enum status take_from_row(struct statement *s, struct take_row *out, bool *usabl
     return fail(ERR_CORRUPT, "a take cannot be read");
 }
 
-static enum status read_take_row(struct take_index *t, struct recording *r)
+static enum status read_take_row(struct take_index *index, struct recording *recording)
 {
     struct statement *s;
-    enum status status = recording_statement(r, TABLE_TAKE, &s);
+    enum status status = recording_statement(recording, TABLE_TAKE, &s);
     if (status == OK) {
-        statement_bind_number(s, 1, t->id);
+        statement_bind_number(s, 1, index->id);
         status = statement_step(s);
     }
     if (status == OK || status == NOTHING) {
         struct take_row row;
         bool usable;
         if (status == NOTHING || take_from_row(s, &row, &usable) != OK) {
-            status = recording_damaged(r, "a take cannot be read");
+            status = recording_damaged(recording, "a take cannot be read");
         } else {
-            t->calibration = row.calibration;
-            t->body = row.body;
-            t->complete = row.complete;
-            t->dropped = row.dropped;
-            t->lost = row.lost;
-            t->count_written = row.frames;
-            t->out_of_range = row.out_of_range || !text_is_printable(row.note) || !text_is_printable(row.alias);
-            memcpy(t->note, row.note, sizeof t->note);
-            memcpy(t->alias, row.alias, sizeof t->alias);
-            text_make_printable(t->note);
-            text_make_printable(t->alias);
+            index->calibration = row.calibration;
+            index->body = row.body;
+            index->complete = row.complete;
+            index->dropped = row.dropped;
+            index->lost = row.lost;
+            index->count_written = row.frames;
+            index->out_of_range = row.out_of_range || !text_is_printable(row.note) || !text_is_printable(row.alias);
+            memcpy(index->note, row.note, sizeof index->note);
+            memcpy(index->alias, row.alias, sizeof index->alias);
+            text_make_printable(index->note);
+            text_make_printable(index->alias);
         }
     }
     if (s)
@@ -124,7 +124,7 @@ enum status frame_from_row_as(struct statement *s, int64_t key, struct take_entr
     bool located = statement_number(s, 2) == 1;
     const int64_t crc = statement_number(s, 6);
     if (!pose || (skeleton_bytes && skeleton_bytes != SKELETON_BYTES) || images < 0 || images > 7 ||
-        time_ns < -TAKE_TIME_MOST_NS || time_ns > TAKE_TIME_MOST_NS ||
+        time_ns < -TAKE_TIME_MAX_NS || time_ns > TAKE_TIME_MAX_NS ||
         frame_crc(time_ns, located, pose, skeleton, skeleton_bytes, (unsigned)images) != crc ||
         !seal_matches(s, FRAME_SEAL, row_seal(key, (uint32_t)crc)))
         return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(key & FRAME_NUMBER_MAX));
@@ -164,11 +164,11 @@ enum status joint_error_from_row(struct statement *s, struct skeleton *out)
 }
 
 // Resizes the entries. False: out of memory, and they are as before.
-static bool resize_entries(struct take_index *t, int64_t capacity)
+static bool resize_entries(struct take_index *index, int64_t capacity)
 {
-    struct take_entry *entries = realloc(t->entries, sizeof *entries * (size_t)capacity);
+    struct take_entry *entries = realloc(index->entries, sizeof *entries * (size_t)capacity);
     if (entries)
-        t->entries = entries;
+        index->entries = entries;
     return entries != NULL;
 }
 
@@ -182,10 +182,11 @@ struct row_scan {
     int hidden;
 };
 
-static enum status scan_open(struct row_scan *scan, struct recording *r, enum recording_table table, int64_t take)
+static enum status scan_open(struct row_scan *scan, struct recording *recording, enum recording_table table,
+                             int64_t take)
 {
     *scan = (struct row_scan){.next_key = frame_key(take, 0), .last_key = frame_key(take, FRAME_NUMBER_MAX)};
-    enum status status = recording_statement(r, table, &scan->s);
+    enum status status = recording_statement(recording, table, &scan->s);
     if (status == OK) {
         statement_bind_number(scan->s, 1, scan->next_key);
         statement_bind_number(scan->s, 2, scan->last_key);
@@ -220,102 +221,104 @@ static enum status scan_next(struct row_scan *scan)
 
 // The frame of those that are there which shows the body best, where the one that was chosen while it was recorded is
 // lost: it was damaged, or trimmed off. -1: no frame has a person.
-static int64_t best_frame(const struct take_index *t)
+static int64_t best_frame(const struct take_index *index)
 {
     int64_t best = -1;
-    double most = -1;
-    for (int64_t i = 0; i < t->count; i++) {
-        const struct take_entry *e = &t->entries[i];
+    double max = -1;
+    for (int64_t i = 0; i < index->count; i++) {
+        const struct take_entry *e = &index->entries[i];
         const double score = e->has_skeleton && e->has_depth ? pose_score(&e->skeleton) : -1;
-        if (score > most) {
-            most = score;
+        if (score > max) {
+            max = score;
             best = i;
         }
     }
     return best;
 }
 
-static bool has_body(const struct body *b)
+static bool has_body(const struct body *body)
 {
-    bool measured = b->representative_frame >= 0;
+    bool measured = body->representative_frame >= 0;
     for (int p = 0; p < PART_COUNT; p++)
-        measured = measured || b->radius_rate[p] > 0;
+        measured = measured || body->radius_rate[p] > 0;
     return measured;
 }
 
 // One damaged frame costs itself alone: it is left out and counted.
-static enum status read_entries(struct take_index *t, struct recording *r)
+static enum status read_entries(struct take_index *index, struct recording *recording)
 {
     struct row_scan scan = {0};
     int64_t capacity = 0, representative = -1, rows = 0;
-    enum status status = scan_open(&scan, r, TABLE_FRAME, t->id);
+    enum status status = scan_open(&scan, recording, TABLE_FRAME, index->id);
     while (status == OK && (status = scan_next(&scan)) == OK) {
-        if (t->count == capacity) {
+        if (index->count == capacity) {
             capacity = capacity ? capacity * 2 : 256;
-            if (!resize_entries(t, capacity)) {
-                status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
+            if (!resize_entries(index, capacity)) {
+                status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(recording));
                 break;
             }
         }
-        struct take_entry *entry = &t->entries[t->count];
+        struct take_entry *entry = &index->entries[index->count];
         rows = (statement_number(scan.s, 0) & FRAME_NUMBER_MAX) + 1;
-        if (frame_from_row(scan.s, entry) != OK || (t->count && entry->time_ns <= entry[-1].time_ns))
+        if (frame_from_row(scan.s, entry) != OK || (index->count && entry->time_ns <= entry[-1].time_ns))
             continue;
-        if (entry->row_number == t->body.representative_frame)
-            representative = t->count;
-        t->count++;
+        if (entry->row_number == index->body.representative_frame)
+            representative = index->count;
+        index->count++;
     }
     scan_close(&scan);
-    if (t->count && !resize_entries(t, t->count)) // gives back what doubling allocated beyond the last frame
-        status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
+    if (index->count &&
+        !resize_entries(index, index->count)) // gives back what doubling allocated beyond the last frame
+        status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(recording));
     // Row numbers have gaps where frames were lost; callers count the frames that are there.
-    t->body.representative_frame = representative < 0 && has_body(&t->body) ? best_frame(t) : representative;
-    t->uncounted = t->count_written >= 0 && rows > t->count_written ? rows - t->count_written : 0;
-    const int64_t all = t->count_written > rows ? t->count_written : rows;
-    t->lost_now = all - t->count;
-    t->lost += t->lost_now;
+    index->body.representative_frame =
+        representative < 0 && has_body(&index->body) ? best_frame(index) : representative;
+    index->uncounted = index->count_written >= 0 && rows > index->count_written ? rows - index->count_written : 0;
+    const int64_t all = index->count_written > rows ? index->count_written : rows;
+    index->lost_now = all - index->count;
+    index->lost += index->lost_now;
     return status == NOTHING ? OK : status;
 }
 
 // The covariances of the frames that are there. Damaged ones count as unknown.
-static enum status read_joint_errors(struct take_index *t, struct recording *r)
+static enum status read_joint_errors(struct take_index *index, struct recording *recording)
 {
     struct row_scan scan = {0};
     bool there = false;
     int64_t i = 0;
-    enum status status = t->count ? recording_has_joint_errors(recording_database(r), &there) : NOTHING;
+    enum status status = index->count ? recording_has_joint_errors(recording_database(recording), &there) : NOTHING;
     if (status != OK || !there)
         return status == NOTHING ? OK : status;
-    status = scan_open(&scan, r, TABLE_JOINT_ERROR, t->id);
+    status = scan_open(&scan, recording, TABLE_JOINT_ERROR, index->id);
     while (status == OK && (status = scan_next(&scan)) == OK) {
         const int64_t number = statement_number(scan.s, 0) & FRAME_NUMBER_MAX;
-        while (i < t->count && t->entries[i].row_number < number)
+        while (i < index->count && index->entries[i].row_number < number)
             i++;
-        if (i < t->count && t->entries[i].row_number == number && t->entries[i].has_skeleton &&
-            joint_error_from_row(scan.s, &t->entries[i].skeleton) != OK)
-            t->errors_lost++;
+        if (i < index->count && index->entries[i].row_number == number && index->entries[i].has_skeleton &&
+            joint_error_from_row(scan.s, &index->entries[i].skeleton) != OK)
+            index->errors_lost++;
     }
     scan_close(&scan);
     return status == NOTHING ? OK : status;
 }
 
 // Fills an index whose id is set. ERR_CORRUPT, ERR_IO, ERR_MEMORY; take_index_release is needed also then.
-static enum status take_index_read(struct take_index *t, struct recording *r)
+static enum status take_index_read(struct take_index *index, struct recording *recording)
 {
     // One transaction, so that a concurrent writer's commit does not come in between; the caller may have begun one.
-    struct database *db = recording_database(r);
+    struct database *db = recording_database(recording);
     const bool begins = !database_in_transaction(db);
     enum status status = begins ? database_run(db, "BEGIN") : OK;
     if (status == OK)
-        status = recording_keep_statements(r);
+        status = recording_keep_statements(recording);
     if (status == OK)
-        status = read_take_row(t, r);
+        status = read_take_row(index, recording);
     if (status == OK)
-        status = read_entries(t, r);
+        status = read_entries(index, recording);
     if (status == OK)
-        status = read_joint_errors(t, r);
-    for (int64_t i = 0; i < t->count && !t->located; i++)
-        t->located = t->entries[i].has_skeleton && t->entries[i].located;
+        status = read_joint_errors(index, recording);
+    for (int64_t i = 0; i < index->count && !index->located; i++)
+        index->located = index->entries[i].has_skeleton && index->entries[i].located;
     if (begins && database_in_transaction(db)) {
         struct failure first;
         failure_keep(&first, status);
@@ -326,23 +329,23 @@ static enum status take_index_read(struct take_index *t, struct recording *r)
 }
 
 // One handle less; the last one frees it.
-static void take_index_release(struct take_index *t)
+static void take_index_release(struct take_index *index)
 {
-    if (!t || atomic_fetch_sub(&t->handles, 1) > 1)
+    if (!index || atomic_fetch_sub(&index->handles, 1) > 1)
         return;
-    free(t->entries);
-    free(t);
+    free(index->entries);
+    free(index);
 }
 
 // ---------------------------------------------------------------- take sizes
 
 // How much of the file each part of a take's frames takes. A row's page is 64 KiB: of long takes some rows are asked.
 
-enum { ASKED_MOST = 300 };
+enum { ASKED_MAX = 300 };
 
 enum status take_read_sizes(struct take *t, struct take_sizes *out)
 {
-    const int64_t frames = take_frame_count(t), asked = frames < ASKED_MOST ? frames : ASKED_MOST;
+    const int64_t frames = take_frame_count(t), asked = frames < ASKED_MAX ? frames : ASKED_MAX;
     double sums[3] = {0};
     struct statement *s;
     *out = (struct take_sizes){.exact = asked == frames};
@@ -389,42 +392,43 @@ struct take {
 
 // ------------------------------------------------------------- opening
 
-static enum status no_such_take(struct recording *r, const char *name)
+static enum status no_such_take(struct recording *recording, const char *name)
 {
     char list[300] = "";
     size_t used = 0;
-    for (int i = 0; i < recording_take_count(r) && used < sizeof list; i++)
-        used += (size_t)snprintf(list + used, sizeof list - used, "%s'%s'", i ? ", " : "", recording_take_name(r, i));
-    if (!recording_take_count(r))
-        return fail(ERR_MISSING, "%s holds no take yet, so none called '%s'", recording_path(r), name);
-    return fail(ERR_MISSING, "%s has no take '%s'; it has %s%s", recording_path(r), name, list,
+    for (int i = 0; i < recording_take_count(recording) && used < sizeof list; i++)
+        used += (size_t)snprintf(list + used, sizeof list - used, "%s'%s'", i ? ", " : "",
+                                 recording_take_name(recording, i));
+    if (!recording_take_count(recording))
+        return fail(ERR_MISSING, "%s holds no take yet, so none called '%s'", recording_path(recording), name);
+    return fail(ERR_MISSING, "%s has no take '%s'; it has %s%s", recording_path(recording), name, list,
                 used >= sizeof list ? "…" : "");
 }
 
 // Opens a handle on `index`, whose reference it takes over, on failure too. index NULL: out of memory.
-static enum status open_handle(struct take **out, struct recording *r, struct take_index *index)
+static enum status open_handle(struct take **out, struct recording *recording, struct take_index *index)
 {
     struct take *t = *out = calloc(1, sizeof *t);
     if (!t || !index) {
         take_index_release(index);
         free(t);
         *out = NULL;
-        return fail(ERR_MEMORY, "no memory for a take of %s", recording_path(r));
+        return fail(ERR_MEMORY, "no memory for a take of %s", recording_path(recording));
     }
-    t->recording = r;
+    t->recording = recording;
     t->index = index;
     return OK;
 }
 
 // Before images are read: many open a take for its index alone.
-static enum status need_decoders(struct take *t)
+static enum status need_decoders(struct take *take)
 {
     enum status status = OK;
-    if (!t->read_images)
-        status = select_open(&t->read_images, recording_database(t->recording), TABLE_IMAGE, "WHERE rowid = ?");
-    if (status == OK && !t->read_version)
-        status = statement_open(&t->read_version, recording_database(t->recording), "PRAGMA data_version");
-    return status == OK && !t->coder ? depth_coder_open(&t->coder) : status;
+    if (!take->read_images)
+        status = select_open(&take->read_images, recording_database(take->recording), TABLE_IMAGE, "WHERE rowid = ?");
+    if (status == OK && !take->read_version)
+        status = statement_open(&take->read_version, recording_database(take->recording), "PRAGMA data_version");
+    return status == OK && !take->coder ? depth_coder_open(&take->coder) : status;
 }
 
 enum status take_open(struct take **out, struct recording *r, const char *name)
@@ -480,64 +484,64 @@ enum status take_open_shared(struct take **out, struct recording *r, const struc
     return open_handle(out, r, same->index);
 }
 
-void take_close(struct take **t)
+void take_close(struct take **take)
 {
-    if (!*t)
+    if (!*take)
         return;
-    statement_close(&(*t)->read_images);
-    statement_close(&(*t)->read_version);
-    depth_coder_close(&(*t)->coder);
-    take_index_release((*t)->index);
-    free((*t)->color);
-    free((*t)->depth);
-    free((*t)->mask);
-    free(*t);
-    *t = NULL;
+    statement_close(&(*take)->read_images);
+    statement_close(&(*take)->read_version);
+    depth_coder_close(&(*take)->coder);
+    take_index_release((*take)->index);
+    free((*take)->color);
+    free((*take)->depth);
+    free((*take)->mask);
+    free(*take);
+    *take = NULL;
 }
 
-const struct calibration *take_calibration(const struct take *t) { return &t->index->calibration; }
+const struct calibration *take_calibration(const struct take *take) { return &take->index->calibration; }
 
-struct recording *take_recording(const struct take *t) { return t->recording; }
+struct recording *take_recording(const struct take *take) { return take->recording; }
 
-int64_t take_id(const struct take *t) { return t->index->id; }
+int64_t take_id(const struct take *take) { return take->index->id; }
 
-int64_t take_frame_count(const struct take *t) { return t->index->count; }
+int64_t take_frame_count(const struct take *take) { return take->index->count; }
 
-const struct take_entry *take_entry(const struct take *t, int64_t index)
+const struct take_entry *take_entry(const struct take *take, int64_t index)
 {
-    assert(index >= 0 && index < t->index->count);
-    return &t->index->entries[index];
+    assert(index >= 0 && index < take->index->count);
+    return &take->index->entries[index];
 }
 
-const struct body *take_body(const struct take *t) { return &t->index->body; }
+const struct body *take_body(const struct take *take) { return &take->index->body; }
 
-bool take_is_located(const struct take *t) { return t->index->located; }
+bool take_is_located(const struct take *take) { return take->index->located; }
 
-bool take_is_drawn_from_depth(const struct take *t) { return t->index->drawn_from_depth; }
+bool take_is_drawn_from_depth(const struct take *take) { return take->index->drawn_from_depth; }
 
-bool take_is_complete(const struct take *t) { return t->index->complete; }
+bool take_is_complete(const struct take *take) { return take->index->complete; }
 
-int64_t take_frames_decoded(const struct take *t) { return atomic_load(&t->index->decoded); }
+int64_t take_frames_decoded(const struct take *take) { return atomic_load(&take->index->decoded); }
 
-int64_t take_lost(const struct take *t) { return t->index->lost; }
+int64_t take_lost(const struct take *take) { return take->index->lost; }
 
-int64_t take_lost_now(const struct take *t) { return t->index->lost_now; }
+int64_t take_lost_now(const struct take *take) { return take->index->lost_now; }
 
-int64_t take_uncounted(const struct take *t) { return t->index->uncounted; }
+int64_t take_uncounted(const struct take *take) { return take->index->uncounted; }
 
-bool take_is_out_of_range(const struct take *t) { return t->index->out_of_range; }
+bool take_is_out_of_range(const struct take *take) { return take->index->out_of_range; }
 
-int64_t take_errors_lost(const struct take *t) { return t->index->errors_lost; }
+int64_t take_errors_lost(const struct take *take) { return take->index->errors_lost; }
 
-const char *take_note(const struct take *t) { return t->index->note; }
+const char *take_note(const struct take *take) { return take->index->note; }
 
-const char *take_alias(const struct take *t) { return t->index->alias; }
+const char *take_alias(const struct take *take) { return take->index->alias; }
 
-int64_t take_dropped(const struct take *t) { return t->index->dropped; }
+int64_t take_dropped(const struct take *take) { return take->index->dropped; }
 
-size_t take_index_bytes(const struct take *t)
+size_t take_index_bytes(const struct take *take)
 {
-    return sizeof *t->index + sizeof *t->index->entries * (size_t)t->index->count;
+    return sizeof *take->index + sizeof *take->index->entries * (size_t)take->index->count;
 }
 
 // ------------------------------------------------------------- images
@@ -545,92 +549,93 @@ size_t take_index_bytes(const struct take *t)
 static enum status no_memory(void) { return fail(ERR_MEMORY, "no memory for a frame's images"); }
 
 // One image's bytes, checked. NULL with a sentence when they are not as written.
-static const uint8_t *checked_blob(struct statement *s, int column, int crc_column, size_t *count)
+static const uint8_t *checked_blob(struct statement *statement, int column, int crc_column, size_t *count)
 {
-    const uint8_t *bytes = statement_blob(s, column, count);
-    if (bytes && crc32_of(0, bytes, *count) == statement_number(s, crc_column))
+    const uint8_t *bytes = statement_blob(statement, column, count);
+    if (bytes && crc32_of(0, bytes, *count) == statement_number(statement, crc_column))
         return bytes;
     fail(ERR_CORRUPT, "its checksum is wrong");
     return NULL;
 }
 
-static enum status decode_mask(struct take *t)
+static enum status decode_mask(struct take *take)
 {
-    const struct lens *lens = &t->index->calibration.depth;
+    const struct lens *lens = &take->index->calibration.depth;
     size_t count;
-    if (!t->mask && !(t->mask = malloc(depth_pixels(&t->index->calibration))))
+    if (!take->mask && !(take->mask = malloc(depth_pixels(&take->index->calibration))))
         return no_memory();
-    const uint8_t *bytes = checked_blob(t->read_images, 4, 1, &count);
-    return bytes ? mask_decode(t->coder, bytes, count, t->mask, lens->width, lens->height) : ERR_CORRUPT;
+    const uint8_t *bytes = checked_blob(take->read_images, 4, 1, &count);
+    return bytes ? mask_decode(take->coder, bytes, count, take->mask, lens->width, lens->height) : ERR_CORRUPT;
 }
 
-static enum status decode_depth(struct take *t)
+static enum status decode_depth(struct take *take)
 {
-    const struct lens *lens = &t->index->calibration.depth;
+    const struct lens *lens = &take->index->calibration.depth;
     size_t count;
-    if (!t->depth && !(t->depth = malloc(depth_pixels(&t->index->calibration) * sizeof *t->depth)))
+    if (!take->depth && !(take->depth = malloc(depth_pixels(&take->index->calibration) * sizeof *take->depth)))
         return no_memory();
-    const uint8_t *bytes = checked_blob(t->read_images, 5, 2, &count);
-    return bytes ? depth_decode(t->coder, bytes, count, t->depth, lens->width, lens->height) : ERR_CORRUPT;
+    const uint8_t *bytes = checked_blob(take->read_images, 5, 2, &count);
+    return bytes ? depth_decode(take->coder, bytes, count, take->depth, lens->width, lens->height) : ERR_CORRUPT;
 }
 
-static enum status decode_color(struct take *t)
+static enum status decode_color(struct take *take)
 {
-    const struct lens *lens = &t->index->calibration.color;
+    const struct lens *lens = &take->index->calibration.color;
     size_t count;
-    if (!t->color && !(t->color = malloc((size_t)lens->width * (size_t)lens->height * 3)))
+    if (!take->color && !(take->color = malloc((size_t)lens->width * (size_t)lens->height * 3)))
         return no_memory();
-    const uint8_t *bytes = checked_blob(t->read_images, 6, 3, &count);
-    return bytes ? jpeg_decode(bytes, count, t->color, lens->width, lens->height) : ERR_CORRUPT;
+    const uint8_t *bytes = checked_blob(take->read_images, 6, 3, &count);
+    return bytes ? jpeg_decode(bytes, count, take->color, lens->width, lens->height) : ERR_CORRUPT;
 }
 
 // From the depth and the mask, which were decoded just now; has_mask: there is one.
-static enum status draw_color(struct take *t, bool has_mask)
+static enum status draw_color(struct take *take, bool has_mask)
 {
-    const struct lens *lens = &t->index->calibration.depth;
-    if (!t->color && !(t->color = malloc(3 * lens_pixels(lens))))
+    const struct lens *lens = &take->index->calibration.depth;
+    if (!take->color && !(take->color = malloc(3 * lens_pixels(lens))))
         return no_memory();
-    depth_picture_draw(lens, t->depth, has_mask ? t->mask : NULL, t->color);
+    depth_picture_draw(lens, take->depth, has_mask ? take->mask : NULL, take->color);
     return OK;
 }
 
-static enum status decode_wanted(struct take *t, bool has_mask, unsigned want, struct take_images *out)
+static enum status decode_wanted(struct take *take, bool has_mask, unsigned want, struct take_images *out)
 {
-    const struct calibration *c = &t->index->calibration;
-    const bool draws = t->index->drawn_from_depth && (want & TAKE_COLOR);
+    const struct calibration *c = &take->index->calibration;
+    const bool draws = take->index->drawn_from_depth && (want & TAKE_COLOR);
     enum status status = OK;
     if (((want & (TAKE_DEPTH | TAKE_MASK)) && !depth_pixels(c)) || ((want & TAKE_COLOR) && !c->color.width))
         return fail(ERR_CORRUPT, "it has an image of a camera that is not there");
     if ((want & TAKE_MASK) || (draws && has_mask))
-        status = decode_mask(t);
+        status = decode_mask(take);
     if (status == OK && ((want & TAKE_DEPTH) || draws))
-        status = decode_depth(t);
+        status = decode_depth(take);
     if (status == OK && (want & TAKE_COLOR))
-        status = draws ? draw_color(t, has_mask) : decode_color(t);
+        status = draws ? draw_color(take, has_mask) : decode_color(take);
     if (status == OK)
-        *out = (struct take_images){.color = want & TAKE_COLOR ? t->color : NULL,
-                                    .depth = want & TAKE_DEPTH ? t->depth : NULL,
-                                    .mask = want & TAKE_MASK ? t->mask : NULL};
+        *out = (struct take_images){.color = want & TAKE_COLOR ? take->color : NULL,
+                                    .depth = want & TAKE_DEPTH ? take->depth : NULL,
+                                    .mask = want & TAKE_MASK ? take->mask : NULL};
     return status;
 }
 
 // Whether the row holds the images of the frame that its id says.
-static enum status check_image_seal(struct statement *s)
+static enum status check_image_seal(struct statement *statement)
 {
-    const int64_t crcs[3] = {statement_number(s, 1), statement_number(s, 2), statement_number(s, 3)};
-    return seal_matches(s, IMAGE_SEAL, image_seal(statement_number(s, 0), crcs))
+    const int64_t crcs[3] = {statement_number(statement, 1), statement_number(statement, 2),
+                             statement_number(statement, 3)};
+    return seal_matches(statement, IMAGE_SEAL, image_seal(statement_number(statement, 0), crcs))
                ? OK
                : fail(ERR_CORRUPT, "its images are another frame's");
 }
 
 // Whether the row that the index has for the entry is still that frame's.
-static enum status check_entry(const struct take *t, const struct take_entry *entry)
+static enum status check_entry(const struct take *take, const struct take_entry *entry)
 {
     struct statement *s;
     struct take_entry now = {0};
-    enum status status = select_open(&s, recording_database(t->recording), TABLE_FRAME, "WHERE rowid = ?");
+    enum status status = select_open(&s, recording_database(take->recording), TABLE_FRAME, "WHERE rowid = ?");
     if (status == OK) {
-        statement_bind_number(s, 1, frame_key(t->index->id, entry->row_number));
+        statement_bind_number(s, 1, frame_key(take->index->id, entry->row_number));
         status = statement_step(s);
     }
     if (status == OK)
@@ -638,41 +643,41 @@ static enum status check_entry(const struct take *t, const struct take_entry *en
     statement_close(&s);
     if (status == NOTHING || (status == OK && now.time_ns != entry->time_ns))
         return fail(ERR_IO, "%s: the take was changed by another program since it was opened; open it again",
-                    recording_path(t->recording));
+                    recording_path(take->recording));
     return status == ERR_CORRUPT ? OK : status; // a damaged row says nothing about the others
 }
 
 // Another program may trim or delete the take: then other frames have the numbers that the index has, or none. The
 // caller's statement holds the file's state.
-static enum status check_unchanged(struct take *t)
+static enum status check_unchanged(struct take *take)
 {
-    enum status status = statement_step(t->read_version);
-    const int64_t version = statement_number(t->read_version, 0);
-    statement_reset(t->read_version);
-    if (status != OK || version == t->version)
+    enum status status = statement_step(take->read_version);
+    const int64_t version = statement_number(take->read_version, 0);
+    statement_reset(take->read_version);
+    if (status != OK || version == take->version)
         return status;
-    status = check_entry(t, &t->index->entries[0]);
+    status = check_entry(take, &take->index->entries[0]);
     if (status == OK)
-        status = check_entry(t, &t->index->entries[t->index->count - 1]);
+        status = check_entry(take, &take->index->entries[take->index->count - 1]);
     if (status == OK)
-        t->version = version;
+        take->version = version;
     return status;
 }
 
 // Steps to the row of a frame's images.
-static enum status find_images(struct take *t, const struct take_entry *entry)
+static enum status find_images(struct take *take, const struct take_entry *entry)
 {
-    statement_bind_number(t->read_images, 1, frame_key(t->index->id, entry->row_number));
-    enum status found = statement_step(t->read_images), status = found < 0 ? found : check_unchanged(t);
+    statement_bind_number(take->read_images, 1, frame_key(take->index->id, entry->row_number));
+    enum status found = statement_step(take->read_images), status = found < 0 ? found : check_unchanged(take);
     if (status != OK)
         return status;
-    return found == OK ? check_image_seal(t->read_images) : fail(ERR_CORRUPT, "its images are lost");
+    return found == OK ? check_image_seal(take->read_images) : fail(ERR_CORRUPT, "its images are lost");
 }
 
-static enum status name_frame(const struct take *t, int64_t index, enum status status)
+static enum status name_frame(const struct take *take, int64_t index, enum status status)
 {
     return status == ERR_CORRUPT ? fail(status, "%s: frame %lld is damaged: %s; try reenact-capture repair",
-                                        recording_path(t->recording), (long long)index, status_message())
+                                        recording_path(take->recording), (long long)index, status_message())
                                  : status;
 }
 

@@ -1,8 +1,8 @@
 #include "surround/capture_thread.h"
 
+#include "base/threads.h"
 #include "surround/picture/surround_mesh.h"
 #include "surround/surroundings.h"
-#include "base/threads.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -39,23 +39,23 @@ static void free_job(struct capture_job **job)
     *job = NULL;
 }
 
-static void align(struct capture_thread *t, struct capture_job *job)
+static void align_capture(struct capture_thread *thread, struct capture_job *job)
 {
-    const int64_t before = t->clock ? t->clock() : 0;
-    enum status status =
-        photo_alignment_add(t->photo, t->alignment, &job->picture, &job->points, job->odometry, &job->world_from_body);
-    job->align_ns = t->clock ? t->clock() - before : 0;
+    const int64_t before = thread->clock ? thread->clock() : 0;
+    enum status status = photo_alignment_add(thread->photo, thread->alignment, &job->picture, &job->points,
+                                             job->odometry, &job->world_from_body);
+    job->align_ns = thread->clock ? thread->clock() - before : 0;
     job->fits = status == OK;
     depth_points_free(&job->points);
-    surround_picture_place(&job->picture, pose_multiply(job->world_from_body, t->photo->body_from_picture));
+    surround_picture_place(&job->picture, pose_multiply(job->world_from_body, thread->photo->body_from_picture));
     if (status >= OK)
         status = (job->surface = calloc(1, sizeof *job->surface))
-                     ? surface_points_gather(job->surface, &t->alignment->surface)
+                     ? surface_points_gather(job->surface, &thread->alignment->surface)
                      : fail(ERR_MEMORY, "no memory for aligning captures");
     failure_keep(&job->failure, status);
 }
 
-// The queues hold more than CAPTURE_MOST items: a put never waits.
+// The queues hold more than CAPTURE_MAX items: a put never waits.
 static void *align_all(void *self)
 {
     struct capture_thread *t = self;
@@ -64,7 +64,7 @@ static void *align_all(void *self)
         const bool align_it = !job->again && !t->closing;
         struct capture_job *pose = align_it ? malloc(sizeof *pose) : NULL;
         if (align_it)
-            align(t, job);
+            align_capture(t, job);
         if (pose) { // without memory for it the pose comes with the depth
             *pose = *job;
             pose->picture = (struct surround_picture){0};
@@ -121,7 +121,7 @@ enum status capture_thread_open(struct capture_thread **out, struct depth_alignm
     struct queue **const queues[] = {&t->fresh, &t->placed, &t->aligned, &t->done};
     enum status status = OK;
     for (size_t i = 0; i < COUNT_OF(queues) && status == OK; i++)
-        status = queue_open(queues[i], 2 * CAPTURE_MOST);
+        status = queue_open(queues[i], 2 * CAPTURE_MAX);
     if (status == OK) {
         t->align_runs = !pthread_create(&t->align_thread, NULL, align_all, t);
         t->depth_runs = t->align_runs && !pthread_create(&t->depth_thread, NULL, make_depths, t);
@@ -157,11 +157,11 @@ void capture_thread_close(struct capture_thread **out)
     *out = NULL;
 }
 
-int capture_thread_count(const struct capture_thread *t) { return t->in_flight; }
+int capture_thread_count(const struct capture_thread *thread) { return thread->in_flight; }
 
 enum status capture_thread_put(struct capture_thread *t, const struct capture_job *job)
 {
-    if (t->in_flight == CAPTURE_MOST)
+    if (t->in_flight == CAPTURE_MAX)
         return NOTHING;
     struct capture_job *own = malloc(sizeof *own);
     if (!own)

@@ -33,11 +33,11 @@ MUST_CHECK enum status capture_thread_open(struct capture_thread **out, struct d
 // Waits for the jobs in hand; frees what was put and not taken. NULL is fine.
 void capture_thread_close(struct capture_thread **t);
 
-int capture_thread_count(const struct capture_thread *t); // jobs not taken yet
+int capture_thread_count(const struct capture_thread *thread); // jobs not taken yet
 
-// Takes over the picture (but what is borrowed) and the points. NOTHING: CAPTURE_MOST jobs are not done; ERR_MEMORY.
+// Takes over the picture (but what is borrowed) and the points. NOTHING: CAPTURE_MAX jobs are not done; ERR_MEMORY.
 // Then they stay the caller's.
-enum { CAPTURE_MOST = 8 };
+enum { CAPTURE_MAX = 8 };
 MUST_CHECK enum status capture_thread_put(struct capture_thread *t, const struct capture_job *job);
 
 // CAPTURE_NONE: nothing is done. With CAPTURE_WITH_DEPTH the picture in *out is the caller's again.

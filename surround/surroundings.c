@@ -37,57 +37,58 @@ enum status surface_points_gather(struct surface_points *s, const struct voxel_m
     return OK;
 }
 
-void surface_points_free(struct surface_points *s)
+void surface_points_free(struct surface_points *points)
 {
-    free(s->xyz);
-    free(s->weights);
-    *s = (struct surface_points){0};
+    free(points->xyz);
+    free(points->weights);
+    *points = (struct surface_points){0};
 }
 
-struct world_points surface_points_world(const struct surface_points *s)
+struct world_points surface_points_world(const struct surface_points *points)
 {
-    return (struct world_points){.xyz = (const float(*)[3])s->xyz, .weight = s->weights, .count = s->count};
+    return (struct world_points){
+        .xyz = (const float(*)[3])points->xyz, .weight = points->weights, .count = points->count};
 }
 
 // ---------------------------------------------------------------- photo refinement
 
 #define PI 3.14159265358979323846
-enum { MOST_POINTS = 4000 };
+enum { MAX_POINTS = 4000 };
 #define GRAY_SCALE 16.0f
 // Chosen on the rover set and on the small world's coarse panoramas: what is fainter says little; a residual's standard
 // deviation in levels is between these.
-#define LEAST_GRADIENT 4.0f
-#define LEAST_SIGMA    1.5
-#define MOST_SIGMA     8.0
-#define OFF_PX         0.3   // resampling and depth move a point by so much of a pixel
-#define INDEPENDENT    400.0 // neighbours and references err alike: all points count as so many
+#define MIN_GRADIENT 4.0f
+#define MIN_SIGMA    1.5
+#define MAX_SIGMA    8.0
+#define OFF_PX       0.3   // resampling and depth move a point by so much of a pixel
+#define INDEPENDENT  400.0 // neighbours and references err alike: all points count as so many
 
-void photo_refinement_free(struct photo_refinement *r)
+void photo_refinement_free(struct photo_refinement *refinement)
 {
     for (int i = 0; i < PHOTO_REFERENCES; i++)
-        free(r->references[i].gray);
-    free(r->next.gray);
-    free(r->points);
-    *r = (struct photo_refinement){0};
+        free(refinement->references[i].gray);
+    free(refinement->next.gray);
+    free(refinement->points);
+    *refinement = (struct photo_refinement){0};
 }
 
 // Sums of 1 2 1 along a row of brightness; a panorama's row joins its end. row has room for a pixel before and after.
-static void sum_row(const struct surround_picture *p, int v, uint16_t *row, uint16_t *out)
+static void sum_row(const struct surround_picture *picture, int v, uint16_t *row, uint16_t *out)
 {
-    const uint8_t *rgb = p->rgb + 3 * (size_t)v * (size_t)p->width;
-    const int w = p->width;
+    const uint8_t *rgb = picture->rgb + 3 * (size_t)v * (size_t)picture->width;
+    const int w = picture->width;
     for (int u = 0; u < w; u++)
         row[u + 1] = (uint16_t)((77 * rgb[3 * u] + 150 * rgb[3 * u + 1] + 29 * rgb[3 * u + 2]) >> 4);
-    row[0] = p->panorama ? row[w] : row[1];
-    row[w + 1] = p->panorama ? row[1] : row[w];
+    row[0] = picture->panorama ? row[w] : row[1];
+    row[w + 1] = picture->panorama ? row[1] : row[w];
     for (int u = 0; u < w; u++)
         out[u] = (uint16_t)((row[u] + 2 * row[u + 1] + row[u + 2]) >> 2);
 }
 
 // Brightness times GRAY_SCALE.
-static uint16_t *smoothed_gray(const struct surround_picture *p)
+static uint16_t *smoothed_gray(const struct surround_picture *picture)
 {
-    const int w = p->width, h = p->height;
+    const int w = picture->width, h = picture->height;
     uint16_t *gray = alloc_cache_aligned((size_t)w * (size_t)h * sizeof *gray);
     uint16_t *rows = alloc_cache_aligned((size_t)(w + 2) * 4 * sizeof *rows);
     if (!gray || !rows) {
@@ -99,7 +100,7 @@ static uint16_t *smoothed_gray(const struct surround_picture *p)
     for (int v = 0; v <= h; v++) { // rows v - 2, v - 1 and v make row v - 1
         uint16_t *newest = rows + (v % 3) * (w + 2);
         if (v < h)
-            sum_row(p, v, row, newest);
+            sum_row(picture, v, row, newest);
         const uint16_t *below = v < h ? newest : rows + ((v - 1) % 3) * (w + 2);
         const uint16_t *middle = rows + ((v + 2) % 3) * (w + 2);
         const uint16_t *above = v > 1 ? rows + ((v + 1) % 3) * (w + 2) : middle;
@@ -111,13 +112,13 @@ static uint16_t *smoothed_gray(const struct surround_picture *p)
 }
 
 // Bilinear, with the gradient per pixel. False: outside.
-static bool read_gray(const struct photo_reference *r, float u, float v, float out[3])
+static bool read_gray(const struct photo_reference *reference, float u, float v, float out[3])
 {
-    const int w = r->shape.width, x = (int)floorf(u), y = (int)floorf(v);
-    if (y < 0 || y + 1 >= r->shape.height || (!r->shape.panorama && (x < 0 || x + 1 >= w)))
+    const int w = reference->shape.width, x = (int)floorf(u), y = (int)floorf(v);
+    if (y < 0 || y + 1 >= reference->shape.height || (!reference->shape.panorama && (x < 0 || x + 1 >= w)))
         return false;
     const int left = x < 0 ? x + w : x, right = x + 1 < w ? x + 1 : 0;
-    const uint16_t *row = r->gray + (size_t)y * (size_t)w;
+    const uint16_t *row = reference->gray + (size_t)y * (size_t)w;
     const float a = row[left], b = row[right], c = row[left + w], d = row[right + w];
     const float fu = u - (float)x, fv = v - (float)y;
     out[0] = ((1 - fv) * ((1 - fu) * a + fu * b) + fv * ((1 - fu) * c + fu * d)) / GRAY_SCALE;
@@ -127,71 +128,72 @@ static bool read_gray(const struct photo_reference *r, float u, float v, float o
 }
 
 // The points of the capture in hand that have a gradient in its own picture.
-static enum status begin(struct photo_refinement *r, const struct surround_picture *picture,
-                         const struct depth_points *points)
+static enum status begin_refinement(struct photo_refinement *refinement, const struct surround_picture *picture,
+                                    const struct depth_points *points)
 {
-    if (!r->points && !(r->points = malloc(MOST_POINTS * sizeof *r->points)))
+    if (!refinement->points && !(refinement->points = malloc(MAX_POINTS * sizeof *refinement->points)))
         return fail(ERR_MEMORY, "no memory for refining an alignment");
-    free(r->next.gray);
-    r->next = (struct photo_reference){*picture, smoothed_gray(picture)};
-    r->next.shape.rgb = NULL;
-    r->next.shape.inverse = NULL;
-    r->next.shape.joined = NULL;
-    r->next.shape.ray_table = NULL;
-    if (!r->next.gray)
+    free(refinement->next.gray);
+    refinement->next = (struct photo_reference){*picture, smoothed_gray(picture)};
+    refinement->next.shape.rgb = NULL;
+    refinement->next.shape.inverse = NULL;
+    refinement->next.shape.joined = NULL;
+    refinement->next.shape.ray_table = NULL;
+    if (!refinement->next.gray)
         return fail(ERR_MEMORY, "no memory for refining an alignment");
-    struct surround_picture at_body = r->next.shape;
-    surround_picture_place(&at_body, r->body_from_picture);
-    const int stride = points->count / (4 * MOST_POINTS) + 1; // about a fourth have a gradient
-    r->point_count = 0;
-    for (int i = 0; i < points->count && r->point_count < MOST_POINTS; i += stride) {
+    struct surround_picture at_body = refinement->next.shape;
+    surround_picture_place(&at_body, refinement->body_from_picture);
+    const int stride = points->count / (4 * MAX_POINTS) + 1; // about a fourth have a gradient
+    refinement->point_count = 0;
+    for (int i = 0; i < points->count && refinement->point_count < MAX_POINTS; i += stride) {
         const float *b = points->xyz[i];
         const double body[3] = {b[0], b[1], b[2]};
         struct picture_point at;
         float gray[3];
-        if (!surround_picture_project(&at_body, body, &at) || !read_gray(&r->next, at.u, at.v, gray) ||
-            gray[1] * gray[1] + gray[2] * gray[2] < LEAST_GRADIENT * LEAST_GRADIENT)
+        if (!surround_picture_project(&at_body, body, &at) || !read_gray(&refinement->next, at.u, at.v, gray) ||
+            gray[1] * gray[1] + gray[2] * gray[2] < MIN_GRADIENT * MIN_GRADIENT)
             continue;
-        r->points[r->point_count++] = (struct photo_point){{b[0], b[1], b[2]}, gray[0]};
+        refinement->points[refinement->point_count++] = (struct photo_point){{b[0], b[1], b[2]}, gray[0]};
     }
     return OK;
 }
 
 // The capture in hand is a reference from now on.
-static void end(struct photo_refinement *r, struct pose world_from_picture)
+static void end_refinement(struct photo_refinement *refinement, struct pose world_from_picture)
 {
     const int last = PHOTO_REFERENCES - 1;
-    free(r->references[last].gray);
-    memmove(r->references + 1, r->references, (size_t)last * sizeof *r->references);
-    surround_picture_place(&r->next.shape, world_from_picture);
-    r->references[0] = r->next;
-    r->next = (struct photo_reference){0};
-    if (r->reference_count < PHOTO_REFERENCES)
-        r->reference_count++;
+    free(refinement->references[last].gray);
+    memmove(refinement->references + 1, refinement->references, (size_t)last * sizeof *refinement->references);
+    surround_picture_place(&refinement->next.shape, world_from_picture);
+    refinement->references[0] = refinement->next;
+    refinement->next = (struct photo_reference){0};
+    if (refinement->reference_count < PHOTO_REFERENCES)
+        refinement->reference_count++;
 }
 
 // How brightness changes with a world point that is seen with gradient (du, dv) per pixel.
-static void world_gradient(const struct surround_picture *p, const double world[3], const float gray[3], double out[3])
+static void world_gradient(const struct surround_picture *picture, const double world[3], const float gray[3],
+                           double out[3])
 {
-    const struct vec3 *t = &p->world_from_camera.translation;
+    const struct vec3 *t = &picture->world_from_camera.translation;
     const double d[3] = {world[0] - t->x, world[1] - t->y, world[2] - t->z};
     double c[3], n[3];
     for (int i = 0; i < 3; i++)
-        c[i] = p->axes[0][i] * d[0] + p->axes[1][i] * d[1] + p->axes[2][i] * d[2];
+        c[i] = picture->axes[0][i] * d[0] + picture->axes[1][i] * d[1] + picture->axes[2][i] * d[2];
     const double gu = gray[1], gv = gray[2];
-    if (p->panorama) {
+    if (picture->panorama) {
         const double flat2 = c[0] * c[0] + c[2] * c[2] + 1e-9, flat = sqrt(flat2), r2 = flat2 + c[1] * c[1];
-        const double per_u = p->width / (2 * PI) / flat2, per_v = p->height / PI / r2;
+        const double per_u = picture->width / (2 * PI) / flat2, per_v = picture->height / PI / r2;
         n[0] = gu * per_u * c[2] - gv * per_v * c[1] * c[0] / flat;
         n[1] = gv * per_v * flat;
         n[2] = -gu * per_u * c[0] - gv * per_v * c[1] * c[2] / flat;
     } else {
-        n[0] = gu * p->lens.fx / c[2];
-        n[1] = gv * p->lens.fy / c[2];
+        n[0] = gu * picture->lens.fx / c[2];
+        n[1] = gv * picture->lens.fy / c[2];
         n[2] = -(n[0] * c[0] + n[1] * c[1]) / c[2];
     }
     for (int i = 0; i < 3; i++)
-        out[i] = p->axes[i][0] * n[0] + p->axes[i][1] * n[1] + p->axes[i][2] * n[2];
+        out[i] = picture->axes[i][0] * n[0] + picture->axes[i][1] * n[1] + picture->axes[i][2] * n[2];
 }
 
 struct sight_of_point {
@@ -201,60 +203,60 @@ struct sight_of_point {
 };
 
 // The reference's exposure over the capture's: of the brightness of all points, which is robust enough for a scale.
-static double exposure_of(const struct photo_refinement *r, const struct sight_of_point *sights)
+static double exposure_of(const struct photo_refinement *refinement, const struct sight_of_point *sights)
 {
     double product = 0, square = 0;
-    for (int i = 0; i < r->point_count; i++) {
+    for (int i = 0; i < refinement->point_count; i++) {
         if (!sights[i].seen)
             continue;
-        product += (double)sights[i].gray[0] * (double)r->points[i].gray;
-        square += (double)r->points[i].gray * (double)r->points[i].gray;
+        product += (double)sights[i].gray[0] * (double)refinement->points[i].gray;
+        square += (double)refinement->points[i].gray * (double)refinement->points[i].gray;
     }
     return square > 0 ? product / square : 1;
 }
 
 // Standard deviation of a reference's residuals, from their median, which outliers up to half do not move.
-static double spread_of(const struct photo_refinement *r, const struct sight_of_point *sights, double exposure)
+static double spread_of(const struct photo_refinement *refinement, const struct sight_of_point *sights, double exposure)
 {
     int bins[256] = {0}, count = 0, below = 0, bin = 0;
-    for (int i = 0; i < r->point_count; i++) {
+    for (int i = 0; i < refinement->point_count; i++) {
         if (!sights[i].seen)
             continue;
-        const double off = 4 * fabs((double)sights[i].gray[0] - exposure * (double)r->points[i].gray);
+        const double off = 4 * fabs((double)sights[i].gray[0] - exposure * (double)refinement->points[i].gray);
         bins[off < 255 ? (int)off : 255]++;
         count++;
     }
     while (bin < 255 && 2 * (below + bins[bin]) < count)
         below += bins[bin++];
-    return fmin(MOST_SIGMA, fmax(LEAST_SIGMA, 1.4826 * (bin + 0.5) / 4));
+    return fmin(MAX_SIGMA, fmax(MIN_SIGMA, 1.4826 * (bin + 0.5) / 4));
 }
 
-static double share_of(const struct photo_refinement *r)
+static double share_of(const struct photo_refinement *refinement)
 {
-    return fmin(1, INDEPENDENT / ((double)r->point_count * r->reference_count + 1));
+    return fmin(1, INDEPENDENT / ((double)refinement->point_count * refinement->reference_count + 1));
 }
 
-static void add_reference(const struct photo_refinement *r, const struct photo_reference *reference,
-                          const struct pose *now, struct sight_of_point *sights, struct normal_equations *e)
+static void add_reference(const struct photo_refinement *refinement, const struct photo_reference *reference,
+                          const struct pose *now, struct sight_of_point *sights, struct normal_equations *equations)
 {
     double m[3][3];
     quat_to_matrix(now->rotation, m);
     const double origin[3] = {now->translation.x, now->translation.y, now->translation.z};
-    for (int i = 0; i < r->point_count; i++) {
+    for (int i = 0; i < refinement->point_count; i++) {
         struct sight_of_point *s = &sights[i];
-        const float *b = r->points[i].body;
+        const float *b = refinement->points[i].body;
         struct picture_point at;
         for (int k = 0; k < 3; k++)
             s->world[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + origin[k];
         s->seen = surround_picture_project(&reference->shape, s->world, &at) && at.distance > 0.3f &&
                   read_gray(reference, at.u, at.v, s->gray);
     }
-    const double exposure = exposure_of(r, sights), sigma = spread_of(r, sights, exposure);
-    for (int i = 0; i < r->point_count; i++) {
+    const double exposure = exposure_of(refinement, sights), sigma = spread_of(refinement, sights, exposure);
+    for (int i = 0; i < refinement->point_count; i++) {
         const struct sight_of_point *s = &sights[i];
         if (!s->seen)
             continue;
-        const double residual = (double)s->gray[0] - exposure * (double)r->points[i].gray;
+        const double residual = (double)s->gray[0] - exposure * (double)refinement->points[i].gray;
         // Tukey's weight: what another thing hides in the reference says nothing
         const double share = residual / (4.7 * sigma), rest = 1 - share * share;
         if (rest <= 0)
@@ -264,17 +266,17 @@ static void add_reference(const struct photo_refinement *r, const struct photo_r
         world_gradient(&reference->shape, s->world, s->gray, n);
         for (int k = 0; k < 3; k++)
             arm[k] = s->world[k] - origin[k];
-        normal_equations_add(e, n, arm, residual,
-                             share_of(r) * rest * rest / (sigma * sigma + slope2 * OFF_PX * OFF_PX));
+        normal_equations_add(equations, n, arm, residual,
+                             share_of(refinement) * rest * rest / (sigma * sigma + slope2 * OFF_PX * OFF_PX));
     }
 }
 
-static void add(void *self, const struct pose *world_from_body, struct normal_equations *e)
+static void add_photo_equations(void *self, const struct pose *world_from_body, struct normal_equations *equations)
 {
     const struct photo_refinement *r = self;
     struct sight_of_point *sights = malloc(((size_t)r->point_count + 1) * sizeof *sights);
     for (int k = 0; sights && k < r->reference_count; k++) // without memory the planes decide alone
-        add_reference(r, &r->references[k], world_from_body, sights, e);
+        add_reference(r, &r->references[k], world_from_body, sights, equations);
     free(sights);
 }
 
@@ -282,14 +284,14 @@ enum status photo_alignment_add(struct photo_refinement *r, struct depth_alignme
                                 const struct surround_picture *picture, const struct depth_points *points,
                                 struct pose odometry, struct pose *world_from_body)
 {
-    enum status status = begin(r, picture, points);
+    enum status status = begin_refinement(r, picture, points);
     if (status != OK)
         return status;
-    alignment->more = (struct pose_evidence){add, r};
+    alignment->more = (struct pose_evidence){add_photo_equations, r};
     status = depth_alignment_add(alignment, points, odometry, world_from_body);
     alignment->more = (struct pose_evidence){0};
     if (status == OK)
-        end(r, pose_multiply(*world_from_body, r->body_from_picture));
+        end_refinement(r, pose_multiply(*world_from_body, r->body_from_picture));
     return status;
 }
 
@@ -305,7 +307,7 @@ struct surroundings_options surroundings_default_options(enum surroundings_kind 
                                        .view = view_default_options(),
                                        .photo = true,
                                        .redo_m = 5,
-                                       .most_pictures = 16,
+                                       .max_pictures = 16,
                                        .threads = 2};
     how.depth.sky = kind == SURROUNDINGS_VEHICLE;
     if (kind == SURROUNDINGS_FILMED) {
@@ -319,22 +321,26 @@ struct surroundings_options surroundings_default_options(enum surroundings_kind 
         how.depth.farthest_m = 30;
         how.depth.walls = true;
         how.depth.sparse = false; // depth cameras see a post whole
-        how.view.geometry_pictures = SURROUND_MOST_LAYERS;
+        how.view.geometry_pictures = SURROUND_MAX_LAYERS;
     }
     return how;
 }
 
-static int64_t now(const struct surroundings *s) { return s->clock ? s->clock() : 0; }
-
-static enum status open_parts(struct surroundings *s, const struct lens *view, const struct surroundings_options *how)
+static int64_t clock_now(const struct surroundings *surroundings)
 {
-    s->how = *how;
-    s->photo.body_from_picture = s->body_from_panorama;
-    enum status status = depth_alignment_open(&s->alignment, s->how.surface_m);
+    return surroundings->clock ? surroundings->clock() : 0;
+}
+
+static enum status open_parts(struct surroundings *surroundings, const struct lens *view,
+                              const struct surroundings_options *how)
+{
+    surroundings->how = *how;
+    surroundings->photo.body_from_picture = surroundings->body_from_panorama;
+    enum status status = depth_alignment_open(&surroundings->alignment, surroundings->how.surface_m);
     if (status == OK)
-        status = surround_view_open(&s->view, view);
+        status = surround_view_open(&surroundings->view, view);
     if (status != OK)
-        surroundings_close(s);
+        surroundings_close(surroundings);
     return status;
 }
 
@@ -360,38 +366,38 @@ enum status surroundings_open_live(struct surroundings *s, enum surroundings_kin
     return open_parts(s, view, how ? how : &usual);
 }
 
-void surroundings_close(struct surroundings *s)
+void surroundings_close(struct surroundings *surroundings)
 {
-    capture_thread_close(&s->thread);
-    for (int i = 0; i < s->taken; i++)
-        surround_picture_free(&s->pictures[i]);
-    free(s->pictures);
-    free(s->poses);
-    free(s->stale);
-    free(s->blank);
-    free(s->nearest);
-    surface_points_free(&s->surface);
-    point_colors_free(&s->colors);
-    exposure_free(&s->exposure);
-    photo_refinement_free(&s->photo);
-    depth_alignment_close(&s->alignment);
-    surround_view_close(&s->view);
-    surround_set_free(&s->set);
-    *s = (struct surroundings){0};
+    capture_thread_close(&surroundings->thread);
+    for (int i = 0; i < surroundings->taken; i++)
+        surround_picture_free(&surroundings->pictures[i]);
+    free(surroundings->pictures);
+    free(surroundings->poses);
+    free(surroundings->stale);
+    free(surroundings->blank);
+    free(surroundings->nearest);
+    surface_points_free(&surroundings->surface);
+    point_colors_free(&surroundings->colors);
+    exposure_free(&surroundings->exposure);
+    photo_refinement_free(&surroundings->photo);
+    depth_alignment_close(&surroundings->alignment);
+    surround_view_close(&surroundings->view);
+    surround_set_free(&surroundings->set);
+    *surroundings = (struct surroundings){0};
 }
 
-void surroundings_place_panorama(struct surroundings *s, struct pose body_from_panorama)
+void surroundings_place_panorama(struct surroundings *surroundings, struct pose body_from_panorama)
 {
-    assert(!s->any_taken);
-    s->body_from_panorama = s->photo.body_from_picture = body_from_panorama;
+    assert(!surroundings->any_taken);
+    surroundings->body_from_panorama = surroundings->photo.body_from_picture = body_from_panorama;
 }
 
-static enum status read_depth(const struct surroundings *s, int capture, struct depth_points *points)
+static enum status read_depth(const struct surroundings *surroundings, int capture, struct depth_points *points)
 {
     enum status status = OK;
     for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
-        const char *path = s->set.captures[capture].depth[c];
-        const struct depth_camera *camera = &s->set.depth_cameras[c];
+        const char *path = surroundings->set.captures[capture].depth[c];
+        const struct depth_camera *camera = &surroundings->set.depth_cameras[c];
         void *depth;
         int width, height;
         if (!path)
@@ -408,92 +414,95 @@ static enum status read_depth(const struct surroundings *s, int capture, struct 
     return status;
 }
 
-static enum status grow(struct surroundings *s)
+static enum status grow_arrays(struct surroundings *surroundings)
 {
-    if (s->taken < s->room)
+    if (surroundings->taken < surroundings->room)
         return OK;
-    const size_t room = (size_t)s->room * 2 + 16;
-    struct surround_picture *pictures = realloc(s->pictures, room * sizeof *pictures);
+    const size_t room = (size_t)surroundings->room * 2 + 16;
+    struct surround_picture *pictures = realloc(surroundings->pictures, room * sizeof *pictures);
     if (pictures)
-        s->pictures = pictures;
-    struct pose *poses = realloc(s->poses, room * sizeof *poses);
+        surroundings->pictures = pictures;
+    struct pose *poses = realloc(surroundings->poses, room * sizeof *poses);
     if (poses)
-        s->poses = poses;
-    bool *stale = realloc(s->stale, room * sizeof *stale);
+        surroundings->poses = poses;
+    bool *stale = realloc(surroundings->stale, room * sizeof *stale);
     if (stale)
-        s->stale = stale;
-    bool *blank = realloc(s->blank, room * sizeof *blank);
+        surroundings->stale = stale;
+    bool *blank = realloc(surroundings->blank, room * sizeof *blank);
     if (blank)
-        s->blank = blank;
-    const struct surround_picture **nearest = realloc(s->nearest, room * sizeof *nearest);
+        surroundings->blank = blank;
+    const struct surround_picture **nearest = realloc(surroundings->nearest, room * sizeof *nearest);
     if (nearest)
-        s->nearest = nearest;
+        surroundings->nearest = nearest;
     if (!pictures || !poses || !stale || !blank || !nearest)
         return fail(ERR_MEMORY, "no memory for the surroundings");
-    s->room = (int)room;
+    surroundings->room = (int)room;
     return OK;
 }
 
 // No pixel of a grid over the picture is brighter than this: chosen by hand, above a camera's noise.
 enum { BLANK_LEVEL = 16, BLANK_GRID = 64 };
 
-static bool is_blank(const struct surround_picture *p)
+static bool is_blank(const struct surround_picture *picture)
 {
-    int most = 0;
+    int max = 0;
     for (int i = 0; i < BLANK_GRID * BLANK_GRID; i++) {
-        const int u = i % BLANK_GRID * p->width / BLANK_GRID, v = i / BLANK_GRID * p->height / BLANK_GRID;
+        const int u = i % BLANK_GRID * picture->width / BLANK_GRID, v = i / BLANK_GRID * picture->height / BLANK_GRID;
         for (size_t k = 0; k < 3; k++) {
-            const int value = p->rgb[3 * ((size_t)v * (size_t)p->width + (size_t)u) + k];
-            most = value > most ? value : most;
+            const int value = picture->rgb[3 * ((size_t)v * (size_t)picture->width + (size_t)u) + k];
+            max = value > max ? value : max;
         }
     }
-    return most < BLANK_LEVEL;
+    return max < BLANK_LEVEL;
 }
 
 // Owns the picture, also after a failure. made: it has its depth.
-static enum status keep(struct surroundings *s, struct surround_picture *picture, struct pose pose, bool made)
+static enum status keep_picture(struct surroundings *surroundings, struct surround_picture *picture, struct pose pose,
+                                bool made)
 {
-    const enum status status = grow(s);
+    const enum status status = grow_arrays(surroundings);
     if (status != OK) {
         surround_picture_free(picture);
         return status;
     }
     const struct pose world_from_camera =
-        s->kind == SURROUNDINGS_ROBOT ? pose_multiply(pose, s->body_from_panorama) : pose;
+        surroundings->kind == SURROUNDINGS_ROBOT ? pose_multiply(pose, surroundings->body_from_panorama) : pose;
     surround_picture_place(picture, world_from_camera);
-    s->blank[s->taken] = is_blank(picture);
-    s->stale[s->taken] = !made;
+    surroundings->blank[surroundings->taken] = is_blank(picture);
+    surroundings->stale[surroundings->taken] = !made;
     if (made)
-        picture->depth_number = ++s->depth_number;
-    s->pictures[s->taken] = *picture;
+        picture->depth_number = ++surroundings->depth_number;
+    surroundings->pictures[surroundings->taken] = *picture;
     *picture = (struct surround_picture){0};
-    s->poses[s->taken++] = pose;
-    for (int k = 0; k < s->taken - 1; k++) {
-        const double apart = v3_distance(s->pictures[k].world_from_camera.translation, world_from_camera.translation);
-        if (s->kind != SURROUNDINGS_VEHICLE && apart < s->how.redo_m)
-            s->stale[k] = true;
+    surroundings->poses[surroundings->taken++] = pose;
+    for (int k = 0; k < surroundings->taken - 1; k++) {
+        const double apart =
+            v3_distance(surroundings->pictures[k].world_from_camera.translation, world_from_camera.translation);
+        if (surroundings->kind != SURROUNDINGS_VEHICLE && apart < surroundings->how.redo_m)
+            surroundings->stale[k] = true;
     }
     return OK;
 }
 
-static void note_alignment(struct surroundings *s, struct pose odometry, struct pose pose, bool fits, int64_t spent_ns)
+static void note_alignment(struct surroundings *surroundings, struct pose odometry, struct pose pose, bool fits,
+                           int64_t spent_ns)
 {
-    s->align_ns += spent_ns;
-    s->worst_align_ns = spent_ns > s->worst_align_ns ? spent_ns : s->worst_align_ns;
-    s->unplaced += !fits;
-    if (!fits && s->any_aligned) // another is wanted immediately
-        s->taken_odometry = s->aligned_odometry;
+    surroundings->align_ns += spent_ns;
+    surroundings->worst_align_ns = spent_ns > surroundings->worst_align_ns ? spent_ns : surroundings->worst_align_ns;
+    surroundings->unplaced += !fits;
+    if (!fits && surroundings->any_aligned) // another is wanted immediately
+        surroundings->taken_odometry = surroundings->aligned_odometry;
     if (fits) {
-        s->aligned_odometry = odometry;
-        s->aligned_pose = pose;
-        s->any_aligned = true;
+        surroundings->aligned_odometry = odometry;
+        surroundings->aligned_pose = pose;
+        surroundings->any_aligned = true;
     }
 }
 
-static enum status hand_over(struct surroundings *s, struct surround_picture *picture,
+static enum status hand_over(struct surroundings *surroundings, struct surround_picture *picture,
                              const struct depth_points *points, struct pose odometry)
 {
-    struct capture_job job = {.number = s->taken, .picture = *picture, .odometry = odometry};
+    struct capture_job job = {.number = surroundings->taken, .picture = *picture, .odometry = odometry};
     const size_t count = (size_t)points->count;
     job.points = (struct depth_points){malloc((count + 1) * sizeof *job.points.xyz),
                                        malloc((count + 1) * sizeof *job.points.sigma), points->count, points->count};
@@ -503,7 +512,7 @@ static enum status hand_over(struct surroundings *s, struct surround_picture *pi
         memcpy(job.points.sigma, points->sigma, count * sizeof *job.points.sigma);
     }
     if (status == OK)
-        status = capture_thread_put(s->thread, &job);
+        status = capture_thread_put(surroundings->thread, &job);
     if (status != OK) {
         depth_points_free(&job.points);
         surround_picture_free(picture);
@@ -530,7 +539,7 @@ enum status surroundings_take(struct surroundings *s, struct surround_picture *p
         return status;
     }
     note_alignment(s, odometry, pose, status == OK, clock ? clock() - before : 0);
-    return keep(s, picture, pose, false);
+    return keep_picture(s, picture, pose, false);
 }
 
 enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
@@ -538,28 +547,28 @@ enum status surroundings_take_placed(struct surroundings *s, struct surround_pic
 {
     const enum status status = depth_alignment_unify(&s->alignment, points, world_from_camera);
     if (status == OK)
-        return keep(s, picture, world_from_camera, false);
+        return keep_picture(s, picture, world_from_camera, false);
     surround_picture_free(picture);
     return status;
 }
 
-static enum status take_next(struct surroundings *s)
+static enum status take_next(struct surroundings *surroundings)
 {
-    const int i = s->next++;
+    const int i = surroundings->next++;
     struct surround_picture picture;
-    if (s->delivers && !s->delivers(s->delivers_self, i))
+    if (surroundings->delivers && !surroundings->delivers(surroundings->delivers_self, i))
         return OK;
-    enum status status = surround_set_picture(&s->set, i, &picture);
+    enum status status = surround_set_picture(&surroundings->set, i, &picture);
     if (status != OK)
         return status;
-    if (s->kind == SURROUNDINGS_VEHICLE)
-        return keep(s, &picture, s->set.captures[i].guess, false);
+    if (surroundings->kind == SURROUNDINGS_VEHICLE)
+        return keep_picture(surroundings, &picture, surroundings->set.captures[i].guess, false);
     struct depth_points points = {0};
-    status = read_depth(s, i, &points);
-    if (status == OK && s->kind == SURROUNDINGS_FILMED)
-        status = surroundings_take_placed(s, &picture, &points, s->set.captures[i].guess);
+    status = read_depth(surroundings, i, &points);
+    if (status == OK && surroundings->kind == SURROUNDINGS_FILMED)
+        status = surroundings_take_placed(surroundings, &picture, &points, surroundings->set.captures[i].guess);
     else if (status == OK)
-        status = surroundings_take(s, &picture, &points, s->set.captures[i].guess);
+        status = surroundings_take(surroundings, &picture, &points, surroundings->set.captures[i].guess);
     else
         surround_picture_free(&picture);
     depth_points_free(&points);
@@ -580,36 +589,38 @@ static void make_depth(void *context, int i)
     failure_keep(&w->failures[i], status);
 }
 
-static enum status make_depths(struct surroundings *s, const struct surround_picture *const *pictures, int count)
+static enum status make_depths(struct surroundings *surroundings, const struct surround_picture *const *pictures,
+                               int count)
 {
-    struct depth_work w = {.s = s,
-                           .points = {.xyz = (const float(*)[3])s->set.points, .count = s->set.point_count},
-                           .pictures = malloc((size_t)(s->taken + 1) * sizeof *w.pictures),
-                           .failures = calloc((size_t)(s->taken + 1), sizeof *w.failures)};
+    struct depth_work w = {
+        .s = surroundings,
+        .points = {.xyz = (const float(*)[3])surroundings->set.points, .count = surroundings->set.point_count},
+        .pictures = malloc((size_t)(surroundings->taken + 1) * sizeof *w.pictures),
+        .failures = calloc((size_t)(surroundings->taken + 1), sizeof *w.failures)};
     int n = 0;
     enum status status = w.pictures && w.failures ? OK : fail(ERR_MEMORY, "no memory for the surroundings");
     for (int i = 0; status == OK && i < count; i++) {
-        const int picture = (int)(pictures[i] - s->pictures);
-        if (s->stale[picture])
+        const int picture = (int)(pictures[i] - surroundings->pictures);
+        if (surroundings->stale[picture])
             w.pictures[n++] = picture;
     }
-    if (status == OK && n && s->kind != SURROUNDINGS_VEHICLE) {
-        status = surface_points_gather(&s->surface, &s->alignment.surface);
-        w.points = surface_points_world(&s->surface);
+    if (status == OK && n && surroundings->kind != SURROUNDINGS_VEHICLE) {
+        status = surface_points_gather(&surroundings->surface, &surroundings->alignment.surface);
+        w.points = surface_points_world(&surroundings->surface);
     }
-    if (status == OK && n && s->kind == SURROUNDINGS_VEHICLE) { // whose scanners see through glass
-        status = point_colors_make(&s->colors, &w.points, s->pictures, s->taken);
-        w.points.rgb = (const uint8_t(*)[4])s->colors.rgb;
+    if (status == OK && n && surroundings->kind == SURROUNDINGS_VEHICLE) { // whose scanners see through glass
+        status = point_colors_make(&surroundings->colors, &w.points, surroundings->pictures, surroundings->taken);
+        w.points.rgb = (const uint8_t(*)[4])surroundings->colors.rgb;
     }
-    const int64_t before = now(s);
+    const int64_t before = clock_now(surroundings);
     if (status == OK)
-        parallel_for(s->how.threads, n, make_depth, &w);
-    s->depth_ns += now(s) - before;
-    s->depths_made += n;
+        parallel_for(surroundings->how.threads, n, make_depth, &w);
+    surroundings->depth_ns += clock_now(surroundings) - before;
+    surroundings->depths_made += n;
     for (int i = 0; status == OK && i < n; i++) {
         status = failure_restore(&w.failures[i]);
-        s->stale[w.pictures[i]] = status != OK;
-        s->pictures[w.pictures[i]].depth_number = ++s->depth_number;
+        surroundings->stale[w.pictures[i]] = status != OK;
+        surroundings->pictures[w.pictures[i]].depth_number = ++surroundings->depth_number;
     }
     free(w.pictures);
     free(w.failures);
@@ -639,36 +650,36 @@ enum status surroundings_start_threads(struct surroundings *s)
 }
 
 // The depth of the placed picture that is nearest to the newest among the stale ones, made again.
-static enum status redo_one(struct surroundings *s)
+static enum status redo_one(struct surroundings *surroundings)
 {
     int best = -1;
     double nearest = 0;
-    for (int i = 0; i < s->taken; i++) {
-        const double away = v3_distance(s->pictures[i].world_from_camera.translation,
-                                        s->pictures[s->taken - 1].world_from_camera.translation);
-        if (s->stale[i] && !s->blank[i] && (best < 0 || away < nearest)) {
+    for (int i = 0; i < surroundings->taken; i++) {
+        const double away = v3_distance(surroundings->pictures[i].world_from_camera.translation,
+                                        surroundings->pictures[surroundings->taken - 1].world_from_camera.translation);
+        if (surroundings->stale[i] && !surroundings->blank[i] && (best < 0 || away < nearest)) {
             best = i;
             nearest = away;
         }
     }
     if (best < 0)
         return OK;
-    struct capture_job job = {.number = best, .again = true, .picture = s->pictures[best]};
+    struct capture_job job = {.number = best, .again = true, .picture = surroundings->pictures[best]};
     job.picture.inverse = NULL;
     job.picture.joined = NULL;
     job.picture.mesh = NULL;
-    s->stale[best] = false;
-    const enum status status = capture_thread_put(s->thread, &job);
+    surroundings->stale[best] = false;
+    const enum status status = capture_thread_put(surroundings->thread, &job);
     return status < OK ? status : OK;
 }
 
-static enum status take_done(struct surroundings *s, struct capture_job *job)
+static enum status take_done(struct surroundings *surroundings, struct capture_job *job)
 {
     enum status status = failure_restore(&job->failure);
     if (job->again && status == OK && !job->picture.inverse) // no points are known yet
         return OK;
     if (job->again) {
-        struct surround_picture *p = &s->pictures[job->number];
+        struct surround_picture *p = &surroundings->pictures[job->number];
         free(status == OK ? p->inverse : job->picture.inverse);
         free(status == OK ? p->joined : job->picture.joined);
         surround_picture_free_mesh(status == OK ? p : &job->picture);
@@ -676,8 +687,8 @@ static enum status take_done(struct surroundings *s, struct capture_job *job)
             p->inverse = job->picture.inverse;
             p->joined = job->picture.joined;
             p->mesh = job->picture.mesh;
-            p->depth_number = ++s->depth_number;
-            s->depths_made++;
+            p->depth_number = ++surroundings->depth_number;
+            surroundings->depths_made++;
         }
         return status;
     }
@@ -685,51 +696,55 @@ static enum status take_done(struct surroundings *s, struct capture_job *job)
         surround_picture_free(&job->picture);
         return status;
     }
-    s->depths_made++;
-    return keep(s, &job->picture, job->world_from_body, true);
+    surroundings->depths_made++;
+    return keep_picture(surroundings, &job->picture, job->world_from_body, true);
 }
 
 // Takes what the threads have done.
-static enum status collect(struct surroundings *s)
+static enum status collect_jobs(struct surroundings *surroundings)
 {
     struct capture_job job;
     enum status status = OK;
-    for (enum capture_stage stage; s->thread && status >= OK && (stage = capture_thread_take(s->thread, &job));) {
+    for (enum capture_stage stage;
+         surroundings->thread && status >= OK && (stage = capture_thread_take(surroundings->thread, &job));) {
         if (stage == CAPTURE_WITH_DEPTH)
-            status = take_done(s, &job);
+            status = take_done(surroundings, &job);
         else if (job.failure.status >= OK)
-            note_alignment(s, job.odometry, job.world_from_body, job.fits, job.align_ns);
+            note_alignment(surroundings, job.odometry, job.world_from_body, job.fits, job.align_ns);
     }
-    if (s->thread && status >= OK && !capture_thread_count(s->thread))
-        status = redo_one(s);
+    if (surroundings->thread && status >= OK && !capture_thread_count(surroundings->thread))
+        status = redo_one(surroundings);
     return status < OK ? status : OK;
 }
 
-bool surroundings_wants(const struct surroundings *s, struct pose odometry, int64_t since_ns)
+bool surroundings_wants(const struct surroundings *surroundings, struct pose odometry, int64_t since_ns)
 {
     const double move_m = 0.6, turn = 20 * 0.017453292519943295, wait_s = 200;
-    return !s->any_taken || v3_distance(odometry.translation, s->taken_odometry.translation) >= move_m ||
-           pose_angle(odometry, s->taken_odometry) >= turn || (double)since_ns * 1e-9 >= wait_s;
+    return !surroundings->any_taken ||
+           v3_distance(odometry.translation, surroundings->taken_odometry.translation) >= move_m ||
+           pose_angle(odometry, surroundings->taken_odometry) >= turn || (double)since_ns * 1e-9 >= wait_s;
 }
 
-struct pose surroundings_bridge(const struct surroundings *s, struct pose odometry)
+struct pose surroundings_bridge(const struct surroundings *surroundings, struct pose odometry)
 {
-    if (!s->any_aligned)
-        return s->any_taken ? pose_multiply(pose_inverse(s->taken_odometry), odometry) : POSE_IDENTITY;
-    return pose_multiply(s->aligned_pose, pose_multiply(pose_inverse(s->aligned_odometry), odometry));
+    if (!surroundings->any_aligned)
+        return surroundings->any_taken ? pose_multiply(pose_inverse(surroundings->taken_odometry), odometry)
+                                       : POSE_IDENTITY;
+    return pose_multiply(surroundings->aligned_pose,
+                         pose_multiply(pose_inverse(surroundings->aligned_odometry), odometry));
 }
 
 enum status surroundings_prepare(struct surroundings *s, struct pose world_from_view,
                                  const struct surround_picture *const **pictures, int *count)
 {
-    enum status status = collect(s);
+    enum status status = collect_jobs(s);
     int usable = 0;
     for (int i = 0; i < s->taken && status == OK; i++)
         if (!s->blank[i] && (!s->thread || s->pictures[i].inverse))
             s->nearest[usable++] = &s->pictures[i];
     if (status == OK)
         status = surround_view_rank(world_from_view, s->nearest, usable);
-    *count = usable < s->how.most_pictures ? usable : s->how.most_pictures;
+    *count = usable < s->how.max_pictures ? usable : s->how.max_pictures;
     *pictures = s->nearest;
     if (status == OK && !s->thread)
         status = make_depths(s, s->nearest, *count);
@@ -745,12 +760,12 @@ enum status surroundings_draw(struct surroundings *s, struct pose world_from_vie
     const struct surround_picture *const *pictures;
     int count;
     enum status status = surroundings_prepare(s, world_from_view, &pictures, &count);
-    const int64_t before = now(s);
+    const int64_t before = clock_now(s);
     if (status == OK && s->plain)
         surround_view_splat(&s->view, world_from_view, pictures, count);
     else if (status == OK)
         status = surround_view_draw(&s->view, world_from_view, pictures, count, &s->how.view);
-    s->draw_ns += now(s) - before;
+    s->draw_ns += clock_now(s) - before;
     s->drawn++;
     return status;
 }

@@ -6,11 +6,11 @@
 #pragma once
 #include "surround/alignment/depth_alignment.h"
 #include "surround/depth/dense_depth.h"
-#include "surround/picture/surround_picture.h"
 #include "surround/depth/depth_seeds.h"
+#include "surround/picture/surround_picture.h"
 #include "surround/reading/surround_set.h"
-#include "surround/view/view_merge.h"
 #include "surround/view/surround_view.h"
+#include "surround/view/view_merge.h"
 
 // ---------------------------------------------------------------- surface points
 
@@ -25,8 +25,8 @@ struct surface_points {
 
 // Replaces what is in *s. ERR_MEMORY.
 MUST_CHECK enum status surface_points_gather(struct surface_points *s, const struct voxel_map *map);
-void surface_points_free(struct surface_points *s); // what was zeroed, too
-struct world_points surface_points_world(const struct surface_points *s);
+void surface_points_free(struct surface_points *points); // what was zeroed, too
+struct world_points surface_points_world(const struct surface_points *points);
 
 // ---------------------------------------------------------------- photo refinement
 
@@ -56,7 +56,7 @@ struct photo_refinement {
     int reference_count, point_count;
 };
 
-void photo_refinement_free(struct photo_refinement *r); // what was zeroed, too
+void photo_refinement_free(struct photo_refinement *refinement); // what was zeroed, too
 
 // depth_alignment_add, with the picture's evidence beside the planes'. The same statuses.
 MUST_CHECK enum status photo_alignment_add(struct photo_refinement *r, struct depth_alignment *alignment,
@@ -69,9 +69,9 @@ struct surroundings_options {
     double surface_m; // side of the voxels in which the captures' points are averaged, 0.02
     struct depth_options depth;
     struct view_options view;
-    bool photo;        // align a robot's captures by their pictures, too, not by depth alone
-    double redo_m;     // a new capture renews the depth of pictures within this, 5
-    int most_pictures; // the nearest so many make a view; depth is made for these only
+    bool photo;       // align a robot's captures by their pictures, too, not by depth alone
+    double redo_m;    // a new capture renews the depth of pictures within this, 5
+    int max_pictures; // the nearest so many make a view; depth is made for these only
     int threads;
 };
 // What suits a robot's, a vehicle's or a filmed room's set.
@@ -118,26 +118,26 @@ MUST_CHECK enum status surroundings_open(struct surroundings *s, const char *fol
 MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surroundings_kind kind,
                                               const struct lens *view, struct pose body_from_panorama,
                                               const struct surroundings_options *how);
-void surroundings_close(struct surroundings *s); // what was zeroed, too
+void surroundings_close(struct surroundings *surroundings); // what was zeroed, too
 // Where a robot's panoramas are taken from, where that was not known when it was opened; before the first capture.
-void surroundings_place_panorama(struct surroundings *s, struct pose body_from_panorama);
+void surroundings_place_panorama(struct surroundings *surroundings, struct pose body_from_panorama);
 
 // From now on a robot's captures are aligned and given depth on threads of their own (capture_thread.h):
 // surroundings_take returns immediately, surroundings_draw uses what is ready. ERR_MEMORY.
 MUST_CHECK enum status surroundings_start_threads(struct surroundings *s);
 
 // Whether it is time for a robot's next capture: 0.6 m, 20 degrees or 200 s after the one taken last.
-bool surroundings_wants(const struct surroundings *s, struct pose odometry, int64_t since_ns);
+bool surroundings_wants(const struct surroundings *surroundings, struct pose odometry, int64_t since_ns);
 // The body's pose between captures, and while the newest is under way: the last aligned one, moved on by the odometry
 // since.
-struct pose surroundings_bridge(const struct surroundings *s, struct pose odometry);
+struct pose surroundings_bridge(const struct surroundings *surroundings, struct pose odometry);
 
 // Takes the set's captures up to a time.
 MUST_CHECK enum status surroundings_advance(struct surroundings *s, int64_t time_ns);
 
 // A live robot's capture. Owns the picture from now on, also after a failure; *picture is then zeroed. A capture that
 // does not fit the earlier ones keeps the odometry's pose and adds no points. With threads, one that comes while
-// CAPTURE_MOST are under way is left out.
+// CAPTURE_MAX are under way is left out.
 MUST_CHECK enum status surroundings_take(struct surroundings *s, struct surround_picture *picture,
                                          const struct depth_points *points, struct pose odometry);
 // A filmed room's picture with its pose and depth points (in the camera's axes). Ownership as above.

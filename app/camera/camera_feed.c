@@ -29,52 +29,52 @@ enum status mailbox_open(struct mailbox **out)
     return OK;
 }
 
-void mailbox_close(struct mailbox **m)
+void mailbox_close(struct mailbox **mailbox)
 {
-    if (*m) {
-        pthread_cond_destroy(&(*m)->put);
-        pthread_mutex_destroy(&(*m)->lock);
-        free(*m);
+    if (*mailbox) {
+        pthread_cond_destroy(&(*mailbox)->put);
+        pthread_mutex_destroy(&(*mailbox)->lock);
+        free(*mailbox);
     }
-    *m = NULL;
+    *mailbox = NULL;
 }
 
-void *mailbox_put(struct mailbox *m, void *item)
+void *mailbox_put(struct mailbox *mailbox, void *item)
 {
-    pthread_mutex_lock(&m->lock);
-    void *untaken = m->item;
-    m->item = item;
-    pthread_cond_signal(&m->put);
-    pthread_mutex_unlock(&m->lock);
+    pthread_mutex_lock(&mailbox->lock);
+    void *untaken = mailbox->item;
+    mailbox->item = item;
+    pthread_cond_signal(&mailbox->put);
+    pthread_mutex_unlock(&mailbox->lock);
     return untaken;
 }
 
-void *mailbox_take(struct mailbox *m, bool wait)
+void *mailbox_take(struct mailbox *mailbox, bool wait)
 {
-    pthread_mutex_lock(&m->lock);
-    while (wait && !m->item && !m->stopped)
-        pthread_cond_wait(&m->put, &m->lock);
-    void *item = m->stopped ? NULL : m->item;
+    pthread_mutex_lock(&mailbox->lock);
+    while (wait && !mailbox->item && !mailbox->stopped)
+        pthread_cond_wait(&mailbox->put, &mailbox->lock);
+    void *item = mailbox->stopped ? NULL : mailbox->item;
     if (item)
-        m->item = NULL;
-    pthread_mutex_unlock(&m->lock);
+        mailbox->item = NULL;
+    pthread_mutex_unlock(&mailbox->lock);
     return item;
 }
 
-bool mailbox_full(struct mailbox *m)
+bool mailbox_full(struct mailbox *mailbox)
 {
-    pthread_mutex_lock(&m->lock);
-    bool waits = m->item;
-    pthread_mutex_unlock(&m->lock);
+    pthread_mutex_lock(&mailbox->lock);
+    bool waits = mailbox->item;
+    pthread_mutex_unlock(&mailbox->lock);
     return waits;
 }
 
-void mailbox_stop(struct mailbox *m)
+void mailbox_stop(struct mailbox *mailbox)
 {
-    pthread_mutex_lock(&m->lock);
-    m->stopped = true;
-    pthread_cond_broadcast(&m->put);
-    pthread_mutex_unlock(&m->lock);
+    pthread_mutex_lock(&mailbox->lock);
+    mailbox->stopped = true;
+    pthread_cond_broadcast(&mailbox->put);
+    pthread_mutex_unlock(&mailbox->lock);
 }
 
 // ---------------------------------------------------------------- present gap
@@ -97,39 +97,39 @@ enum status present_gap_open(struct present_gap **out)
     return OK;
 }
 
-void present_gap_close(struct present_gap **g)
+void present_gap_close(struct present_gap **gap)
 {
-    if (*g) {
-        pthread_cond_destroy(&(*g)->changed);
-        pthread_mutex_destroy(&(*g)->lock);
-        free(*g);
+    if (*gap) {
+        pthread_cond_destroy(&(*gap)->changed);
+        pthread_mutex_destroy(&(*gap)->lock);
+        free(*gap);
     }
-    *g = NULL;
+    *gap = NULL;
 }
 
-void present_gap_begin(struct present_gap *g)
+void present_gap_begin(struct present_gap *gap)
 {
-    pthread_mutex_lock(&g->lock);
-    g->count++;
-    pthread_cond_broadcast(&g->changed);
-    pthread_mutex_unlock(&g->lock);
+    pthread_mutex_lock(&gap->lock);
+    gap->count++;
+    pthread_cond_broadcast(&gap->changed);
+    pthread_mutex_unlock(&gap->lock);
 }
 
-int64_t present_gap_count(struct present_gap *g)
+int64_t present_gap_count(struct present_gap *gap)
 {
-    pthread_mutex_lock(&g->lock);
-    const int64_t count = g->count;
-    pthread_mutex_unlock(&g->lock);
+    pthread_mutex_lock(&gap->lock);
+    const int64_t count = gap->count;
+    pthread_mutex_unlock(&gap->lock);
     return count;
 }
 
-void present_gap_wait(struct present_gap *g, int64_t count)
+void present_gap_wait(struct present_gap *gap, int64_t count)
 {
     const int64_t until_ns = clock_now_ns() + MAX_WAIT_NS;
-    pthread_mutex_lock(&g->lock);
-    while (g->count <= count && condition_wait_until_ns(&g->changed, &g->lock, until_ns))
+    pthread_mutex_lock(&gap->lock);
+    while (gap->count <= count && condition_wait_until_ns(&gap->changed, &gap->lock, until_ns))
         continue;
-    pthread_mutex_unlock(&g->lock);
+    pthread_mutex_unlock(&gap->lock);
 }
 
 // ---------------------------------------------------------------- camera feed
@@ -165,89 +165,89 @@ struct camera_feed {
     struct lens lens; // by the localizer; width 0: no image has been localised since the camera was opened
 };
 
-static void notify_change(struct camera_feed *f)
+static void notify_change(struct camera_feed *feed)
 {
-    if (f->notify)
-        f->notify(f->notify_self);
+    if (feed->notify)
+        feed->notify(feed->notify_self);
 }
 
-static struct feed_slot *acquire_slot(struct camera_feed *f)
+static struct feed_slot *acquire_slot(struct camera_feed *feed)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    struct feed_slot *p = f->free_slots;
-    assert(p); // FEED_SLOTS suffices for all threads
-    f->free_slots = p->next_free;
-    pthread_mutex_unlock(&f->player.worker.lock);
-    return p;
+    pthread_mutex_lock(&feed->player.worker.lock);
+    struct feed_slot *slot = feed->free_slots;
+    assert(slot); // FEED_SLOTS suffices for all threads
+    feed->free_slots = slot->next_free;
+    pthread_mutex_unlock(&feed->player.worker.lock);
+    return slot;
 }
 
-static void release_slot(struct camera_feed *f, struct feed_slot *p)
+static void release_slot(struct camera_feed *feed, struct feed_slot *slot)
 {
-    if (!p)
+    if (!slot)
         return;
-    dmabuf_image_release(&p->dmabuf);
-    pthread_mutex_lock(&f->player.worker.lock);
-    p->next_free = f->free_slots;
-    f->free_slots = p;
-    pthread_mutex_unlock(&f->player.worker.lock);
+    dmabuf_image_release(&slot->dmabuf);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    slot->next_free = feed->free_slots;
+    feed->free_slots = slot;
+    pthread_mutex_unlock(&feed->player.worker.lock);
 }
 
-static void report_error(struct camera_feed *f, const char *sentence)
+static void report_error(struct camera_feed *feed, const char *sentence)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    bool same = !strcmp(f->state.trouble, sentence);
-    strncpy(f->state.trouble, sentence, sizeof f->state.trouble - 1);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    bool same = !strcmp(feed->state.trouble, sentence);
+    strncpy(feed->state.trouble, sentence, sizeof feed->state.trouble - 1);
     if (*sentence)
-        f->state.seeing = false;
-    pthread_mutex_unlock(&f->player.worker.lock);
+        feed->state.seeing = false;
+    pthread_mutex_unlock(&feed->player.worker.lock);
     if (!same)
-        notify_change(f);
+        notify_change(feed);
 }
 
 // ---------------------------------------------------------------- camera thread
 
-static bool fill_slot(struct feed_slot *p, const struct frame *frame, const struct lens *lens)
+static bool fill_slot(struct feed_slot *slot, const struct frame *frame, const struct lens *lens)
 {
     size_t bytes = 3 * (size_t)lens->width * (size_t)lens->height;
-    if (bytes != p->bytes) {
-        free(p->rgb);
-        p->rgb = malloc(bytes);
-        p->bytes = p->rgb ? bytes : 0;
+    if (bytes != slot->bytes) {
+        free(slot->rgb);
+        slot->rgb = malloc(bytes);
+        slot->bytes = slot->rgb ? bytes : 0;
     }
-    if (!p->rgb)
+    if (!slot->rgb)
         return false;
-    memcpy(p->rgb, frame->color, bytes);
-    p->time_ns = frame->time_ns;
-    p->frame = (struct camera_frame){.rgb = p->rgb, .lens = *lens};
+    memcpy(slot->rgb, frame->color, bytes);
+    slot->time_ns = frame->time_ns;
+    slot->frame = (struct camera_frame){.rgb = slot->rgb, .lens = *lens};
     return true;
 }
 
-static void drop_frame(struct camera_feed *f, struct feed_slot *p)
+static void drop_frame(struct camera_feed *feed, struct feed_slot *slot)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    f->state.dropped++;
-    pthread_mutex_unlock(&f->player.worker.lock);
-    release_slot(f, p);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    feed->state.dropped++;
+    pthread_mutex_unlock(&feed->player.worker.lock);
+    release_slot(feed, slot);
 }
 
-static void publish_captured(struct camera_feed *f, struct feed_slot *p)
+static void publish_captured(struct camera_feed *feed, struct feed_slot *slot)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    p->frame.received_ns = f->state.received_ns = clock_now_ns();
-    p->frame.number = ++f->state.received;
-    f->state.seeing = true;
-    f->state.trouble[0] = 0;
-    pthread_mutex_unlock(&f->player.worker.lock);
-    struct feed_slot *late = mailbox_put(f->captured, p);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    slot->frame.received_ns = feed->state.received_ns = clock_now_ns();
+    slot->frame.number = ++feed->state.received;
+    feed->state.seeing = true;
+    feed->state.trouble[0] = 0;
+    pthread_mutex_unlock(&feed->player.worker.lock);
+    struct feed_slot *late = mailbox_put(feed->captured, slot);
     if (late)
-        drop_frame(f, late);
+        drop_frame(feed, late);
 }
 
 // Runs until the camera ends, fails or is suspended.
-static enum status capture_frames(struct camera_feed *f)
+static enum status capture_frames(struct camera_feed *feed)
 {
-    struct source_player *player = &f->player;
-    if (f->lend_dmabuf)
+    struct source_player *player = &feed->player;
+    if (feed->lend_dmabuf)
         source_enable_dmabuf(player->source);
     while (!source_player_must_stop(player)) {
         struct frame frame;
@@ -257,47 +257,47 @@ static enum status capture_frames(struct camera_feed *f)
         if (status != OK)
             return status;
         source_player_wait_for_frame(player);
-        struct feed_slot *p = acquire_slot(f);
-        p->dmabuf = frame.dmabuf;
-        if (!fill_slot(p, &frame, &source_calibration(player->source)->color)) {
-            release_slot(f, p);
+        struct feed_slot *slot = acquire_slot(feed);
+        slot->dmabuf = frame.dmabuf;
+        if (!fill_slot(slot, &frame, &source_calibration(player->source)->color)) {
+            release_slot(feed, slot);
             return fail(ERR_MEMORY, "no memory for the camera's image");
         }
-        publish_captured(f, p);
+        publish_captured(feed, slot);
     }
     return OK;
 }
 
-static void reset_lens(struct camera_feed *f)
+static void reset_lens(struct camera_feed *feed)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    f->lens = (struct lens){0};
-    pthread_mutex_unlock(&f->player.worker.lock);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    feed->lens = (struct lens){0};
+    pthread_mutex_unlock(&feed->player.worker.lock);
 }
 
-static void save_lens(struct camera_feed *f, const struct source *camera)
+static void save_lens(struct camera_feed *feed, const struct source *camera)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    const struct lens lens = f->lens;
-    pthread_mutex_unlock(&f->player.worker.lock);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    const struct lens lens = feed->lens;
+    pthread_mutex_unlock(&feed->player.worker.lock);
     if (lens.width && source_save_lens(camera, &lens) < 0)
-        report_error(f, status_message()); // it has to be estimated again
+        report_error(feed, status_message()); // it has to be estimated again
 }
 
-static enum status play(struct camera_feed *f)
+static enum status play(struct camera_feed *feed)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    const int64_t received_before = f->state.received;
-    f->state.received_ns = clock_now_ns();
-    pthread_mutex_unlock(&f->player.worker.lock);
-    enum status status = source_player_open_source(&f->player);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    const int64_t received_before = feed->state.received;
+    feed->state.received_ns = clock_now_ns();
+    pthread_mutex_unlock(&feed->player.worker.lock);
+    enum status status = source_player_open_source(&feed->player);
     if (status != OK)
         return status;
-    reset_lens(f); // of the previous camera
-    status = capture_frames(f);
-    save_lens(f, f->player.source);
-    return status == NOTHING && camera_feed_query(f).received == received_before
-               ? fail(ERR_DEVICE, "%s holds no image", f->player.uri)
+    reset_lens(feed); // of the previous camera
+    status = capture_frames(feed);
+    save_lens(feed, feed->player.source);
+    return status == NOTHING && camera_feed_query(feed).received == received_before
+               ? fail(ERR_DEVICE, "%s holds no image", feed->player.uri)
                : status;
 }
 
@@ -317,14 +317,14 @@ static void *run_camera(void *self)
 
 // ---------------------------------------------------------------- localizer thread
 
-static enum status localize_frame(struct camera_feed *f, struct camera_localizer *localizer, struct feed_slot *p)
+static enum status localize_frame(struct camera_feed *feed, struct camera_localizer *localizer, struct feed_slot *slot)
 {
-    enum status status = localizer_locate(localizer, p->rgb, p->time_ns, &p->frame.world_from_camera);
-    p->frame.lens = *localizer_lens(localizer);
-    p->frame.moved_tags = localizer_moved_tags(localizer, &p->frame.first_moved);
-    pthread_mutex_lock(&f->player.worker.lock);
-    f->lens = p->frame.lens;
-    pthread_mutex_unlock(&f->player.worker.lock);
+    enum status status = localizer_locate(localizer, slot->rgb, slot->time_ns, &slot->frame.world_from_camera);
+    slot->frame.lens = *localizer_lens(localizer);
+    slot->frame.moved_tags = localizer_moved_tags(localizer, &slot->frame.first_moved);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    feed->lens = slot->frame.lens;
+    pthread_mutex_unlock(&feed->player.worker.lock);
     return status;
 }
 
@@ -334,27 +334,27 @@ static void *run_localizer(void *self)
     struct camera_localizer *localizer = NULL;
     struct lens lens = {0};
     struct frame_skip skip = {0};
-    for (struct feed_slot *p; (p = mailbox_take(f->captured, true));) {
-        struct camera_frame *s = &p->frame;
-        s->locating_ns = clock_now_ns();
+    for (struct feed_slot *slot; (slot = mailbox_take(f->captured, true));) {
+        struct camera_frame *frame = &slot->frame;
+        frame->locating_ns = clock_now_ns();
         enum status status = OK;
-        if (f->place && (!localizer || !lens_equal(&lens, &s->lens))) {
+        if (f->place && (!localizer || !lens_equal(&lens, &frame->lens))) {
             localizer_close(&localizer);
-            lens = s->lens;
+            lens = frame->lens;
             status = localizer_open(&localizer, f->place, &lens, f->gap);
         }
         if (localizer && status == OK)
-            status = localize_frame(f, localizer, p);
-        s->placed = localizer && (status == OK || status == AMBIGUOUS);
-        s->located_ns = clock_now_ns();
+            status = localize_frame(f, localizer, slot);
+        frame->placed = localizer && (status == OK || status == AMBIGUOUS);
+        frame->located_ns = clock_now_ns();
         if (status < 0)
             report_error(f, status_message());
-        if (frame_skip_update(&skip, (double)(s->located_ns - s->locating_ns) * 1e-6, s->placed,
+        if (frame_skip_update(&skip, (double)(frame->located_ns - frame->locating_ns) * 1e-6, frame->placed,
                               mailbox_full(f->captured))) {
-            drop_frame(f, p);
+            drop_frame(f, slot);
             continue;
         }
-        release_slot(f, mailbox_put(f->located, p));
+        release_slot(f, mailbox_put(f->located, slot));
         notify_change(f);
     }
     localizer_close(&localizer);
@@ -363,17 +363,17 @@ static void *run_localizer(void *self)
 
 // ---------------------------------------------------------------- drawing thread
 
-static enum status start_threads(struct camera_feed *f)
+static enum status start_threads(struct camera_feed *feed)
 {
-    enum status status = mailbox_open(&f->captured);
+    enum status status = mailbox_open(&feed->captured);
     if (status == OK)
-        status = mailbox_open(&f->located);
+        status = mailbox_open(&feed->located);
     if (status == OK)
-        status = present_gap_open(&f->gap);
+        status = present_gap_open(&feed->gap);
     if (status != OK)
         return status;
-    status = worker_thread_start(&f->localizer, run_localizer, f, "to localise the camera");
-    return status == OK ? worker_thread_start(&f->player.worker, run_camera, f, "for the camera") : status;
+    status = worker_thread_start(&feed->localizer, run_localizer, feed, "to localise the camera");
+    return status == OK ? worker_thread_start(&feed->player.worker, run_camera, feed, "for the camera") : status;
 }
 
 enum status camera_feed_open(struct camera_feed **out, const struct camera_feed_options *options)
@@ -421,32 +421,32 @@ void camera_feed_close(struct camera_feed **out)
     *out = NULL;
 }
 
-const struct camera_frame *camera_feed_latest(struct camera_feed *f)
+const struct camera_frame *camera_feed_latest(struct camera_feed *feed)
 {
-    struct feed_slot *newer = mailbox_take(f->located, false);
+    struct feed_slot *newer = mailbox_take(feed->located, false);
     if (newer) {
-        release_slot(f, f->shown);
-        f->shown = newer;
+        release_slot(feed, feed->shown);
+        feed->shown = newer;
     }
-    return f->shown ? &f->shown->frame : NULL;
+    return feed->shown ? &feed->shown->frame : NULL;
 }
 
-struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *f)
+struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *feed)
 {
-    struct dmabuf_image *dmabuf = f->shown ? f->shown->dmabuf : NULL;
+    struct dmabuf_image *dmabuf = feed->shown ? feed->shown->dmabuf : NULL;
     if (dmabuf)
-        f->shown->dmabuf = NULL;
+        feed->shown->dmabuf = NULL;
     return dmabuf;
 }
 
-void camera_feed_presented(struct camera_feed *f) { present_gap_begin(f->gap); }
+void camera_feed_presented(struct camera_feed *feed) { present_gap_begin(feed->gap); }
 
-struct camera_feed_state camera_feed_query(struct camera_feed *f)
+struct camera_feed_state camera_feed_query(struct camera_feed *feed)
 {
-    pthread_mutex_lock(&f->player.worker.lock);
-    struct camera_feed_state state = f->state;
-    pthread_mutex_unlock(&f->player.worker.lock);
+    pthread_mutex_lock(&feed->player.worker.lock);
+    struct camera_feed_state state = feed->state;
+    pthread_mutex_unlock(&feed->player.worker.lock);
     return state;
 }
 
-void camera_feed_suspend(struct camera_feed *f, bool suspend) { source_player_suspend(&f->player, suspend); }
+void camera_feed_suspend(struct camera_feed *feed, bool suspend) { source_player_suspend(&feed->player, suspend); }

@@ -11,8 +11,8 @@
 // relocalizer.
 #pragma once
 #include "base/status.h"
-#include "recording/place.h"
 #include "platform/sensors/dmabuf_image.h"
+#include "recording/place.h"
 
 // ---------------------------------------------------------------- mailbox
 
@@ -22,19 +22,20 @@
 struct mailbox;
 
 MUST_CHECK enum status mailbox_open(struct mailbox **out); // ERR_MEMORY
-void mailbox_close(struct mailbox **m); // NULL is fine; neither thread may use it any more; an item in it is not freed
+void mailbox_close(
+    struct mailbox **mailbox); // NULL is fine; neither thread may use it any more; an item in it is not freed
 
 // Returns the replaced item, which belongs to the caller again, or NULL.
-void *mailbox_put(struct mailbox *m, void *item);
+void *mailbox_put(struct mailbox *mailbox, void *item);
 
 // Takes the item, or NULL. wait: blocks until there is one; NULL then means stopped.
-void *mailbox_take(struct mailbox *m, bool wait);
+void *mailbox_take(struct mailbox *mailbox, bool wait);
 
 // Whether an item is waiting.
-bool mailbox_full(struct mailbox *m);
+bool mailbox_full(struct mailbox *mailbox);
 
 // From either thread: mailbox_take returns NULL from now on.
-void mailbox_stop(struct mailbox *m);
+void mailbox_stop(struct mailbox *mailbox);
 
 // ---------------------------------------------------------------- present gap
 
@@ -44,14 +45,14 @@ void mailbox_stop(struct mailbox *m);
 struct present_gap;
 
 MUST_CHECK enum status present_gap_open(struct present_gap **out); // ERR_MEMORY
-void present_gap_close(struct present_gap **g);                    // NULL is fine; no thread may be waiting
+void present_gap_close(struct present_gap **gap);                  // NULL is fine; no thread may be waiting
 
-void present_gap_begin(struct present_gap *g); // a frame has been presented
+void present_gap_begin(struct present_gap *gap); // a frame has been presented
 
 // How many gaps have begun: the argument of a later present_gap_wait.
-int64_t present_gap_count(struct present_gap *g);
+int64_t present_gap_count(struct present_gap *gap);
 // Blocks until more than `count` gaps have begun, at most 50 ms: maybe nothing is being drawn.
-void present_gap_wait(struct present_gap *g, int64_t count);
+void present_gap_wait(struct present_gap *gap, int64_t count);
 
 // ---------------------------------------------------------------- camera feed
 
@@ -79,14 +80,14 @@ struct camera_frame {
     int64_t received_ns, locating_ns, located_ns;
 };
 // The newest processed frame, NULL before the first. Borrowed until the next call.
-const struct camera_frame *camera_feed_latest(struct camera_feed *f);
+const struct camera_frame *camera_feed_latest(struct camera_feed *feed);
 
 // The DMA buffer of the frame that camera_feed_latest returned last, once per frame; the caller releases it. NULL: the
 // camera lends none.
-struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *f);
+struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *feed);
 
 // A drawn frame has been handed to the display: a pending relocalisation may start.
-void camera_feed_presented(struct camera_feed *f);
+void camera_feed_presented(struct camera_feed *feed);
 
 struct camera_feed_state {
     bool seeing;               // the camera is open and has delivered an image
@@ -94,7 +95,7 @@ struct camera_feed_state {
     int64_t received, dropped; // number of images
     char trouble[512];         // one sentence; "": none
 };
-struct camera_feed_state camera_feed_query(struct camera_feed *f);
+struct camera_feed_state camera_feed_query(struct camera_feed *feed);
 
 // true: the camera is closed until the call with false.
-void camera_feed_suspend(struct camera_feed *f, bool suspend);
+void camera_feed_suspend(struct camera_feed *feed, bool suspend);

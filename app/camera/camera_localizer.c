@@ -49,49 +49,49 @@ static enum status drop_solver_failure(enum status status) { return status == ER
 
 static bool is_found(enum status status) { return status == OK || status == AMBIGUOUS; }
 
-static enum status localize_frame(struct camera_tracker *tracker, const struct relocalizer_frame *p)
+static enum status localize_frame(struct camera_tracker *tracker, const struct relocalizer_frame *frame)
 {
     struct location location;
     struct camera_motion motion;
-    return drop_solver_failure(camera_tracker_localize(tracker, p->color, NULL, &location, &motion));
+    return drop_solver_failure(camera_tracker_localize(tracker, frame->color, NULL, &location, &motion));
 }
 
-static enum status track_frame(struct camera_tracker *tracker, const struct relocalizer_frame *p)
+static enum status track_frame(struct camera_tracker *tracker, const struct relocalizer_frame *frame)
 {
     struct location location;
     struct camera_motion motion;
-    return drop_solver_failure(camera_tracker_track(tracker, p->color, NULL, p->time_ns, &location, &motion));
+    return drop_solver_failure(camera_tracker_track(tracker, frame->color, NULL, frame->time_ns, &location, &motion));
 }
 
 // Makes the newest image the current one; wait: blocks until there is a newer one. False: there is none.
-static bool take_newer(struct relocalizer *r, bool wait)
+static bool take_newer(struct relocalizer *relocalizer, bool wait)
 {
-    pthread_mutex_lock(&r->worker.lock);
-    while (wait && !r->newer_pending && !r->worker.closing)
-        pthread_cond_wait(&r->worker.changed, &r->worker.lock);
-    const bool newer = r->newer_pending && !r->worker.closing;
+    pthread_mutex_lock(&relocalizer->worker.lock);
+    while (wait && !relocalizer->newer_pending && !relocalizer->worker.closing)
+        pthread_cond_wait(&relocalizer->worker.changed, &relocalizer->worker.lock);
+    const bool newer = relocalizer->newer_pending && !relocalizer->worker.closing;
     if (newer) {
-        const struct relocalizer_frame swap = r->current;
-        r->current = r->newer;
-        r->newer = swap;
-        r->newer_pending = false;
+        const struct relocalizer_frame swap = relocalizer->current;
+        relocalizer->current = relocalizer->newer;
+        relocalizer->newer = swap;
+        relocalizer->newer_pending = false;
     }
-    pthread_mutex_unlock(&r->worker.lock);
+    pthread_mutex_unlock(&relocalizer->worker.lock);
     return newer;
 }
 
-static enum status search(struct relocalizer *r, struct camera_tracker *tracker, int max_finds, int *finds)
+static enum status search(struct relocalizer *relocalizer, struct camera_tracker *tracker, int max_finds, int *finds)
 {
-    enum status status = localize_frame(tracker, &r->current);
+    enum status status = localize_frame(tracker, &relocalizer->current);
     int tracked = 0; // since the camera was last found
     *finds = is_found(status);
-    while (status >= 0 && tracked < MAX_TRACKED && take_newer(r, !is_found(status))) {
-        status = track_frame(tracker, &r->current);
+    while (status >= 0 && tracked < MAX_TRACKED && take_newer(relocalizer, !is_found(status))) {
+        status = track_frame(tracker, &relocalizer->current);
         tracked++;
         if (status == ERR_ORDER || (status == NOTHING && *finds == max_finds))
             return NOTHING; // the camera's clock restarted, or tracking fails even with a known velocity
         if (status == NOTHING) {
-            status = localize_frame(tracker, &r->current);
+            status = localize_frame(tracker, &relocalizer->current);
             *finds += is_found(status);
             tracked = 0;
         }
@@ -162,52 +162,53 @@ static void relocalizer_close(struct relocalizer **out)
     *out = NULL;
 }
 
-static void store_frame(struct relocalizer_frame *p, const struct relocalizer *r, const uint8_t *color, int64_t time_ns)
+static void store_frame(struct relocalizer_frame *frame, const struct relocalizer *relocalizer, const uint8_t *color,
+                        int64_t time_ns)
 {
-    memcpy(p->color, color, r->bytes);
-    p->time_ns = time_ns;
+    memcpy(frame->color, color, relocalizer->bytes);
+    frame->time_ns = time_ns;
 }
 
 // tracker: one that lost the camera in the image of time_ns. color: RGB; copied. finds: in how many images the camera
 // may be localised from scratch, at least 1, where it cannot be tracked from one to the next.
-static void relocalizer_begin(struct relocalizer *r, struct camera_tracker *tracker, const uint8_t *color,
+static void relocalizer_begin(struct relocalizer *relocalizer, struct camera_tracker *tracker, const uint8_t *color,
                               int64_t time_ns, int finds)
 {
-    const int64_t gap_count = r->gap ? present_gap_count(r->gap) : 0;
-    pthread_mutex_lock(&r->worker.lock);
-    assert(!r->tracker);
-    r->gap_count = gap_count;
-    store_frame(&r->current, r, color, time_ns);
-    r->tracker = tracker;
-    r->max_finds = finds;
-    pthread_cond_broadcast(&r->worker.changed);
-    pthread_mutex_unlock(&r->worker.lock);
+    const int64_t gap_count = relocalizer->gap ? present_gap_count(relocalizer->gap) : 0;
+    pthread_mutex_lock(&relocalizer->worker.lock);
+    assert(!relocalizer->tracker);
+    relocalizer->gap_count = gap_count;
+    store_frame(&relocalizer->current, relocalizer, color, time_ns);
+    relocalizer->tracker = tracker;
+    relocalizer->max_finds = finds;
+    pthread_cond_broadcast(&relocalizer->worker.changed);
+    pthread_mutex_unlock(&relocalizer->worker.lock);
 }
 
 // Whether it is still running. If so it takes this newer image, too; color: RGB; copied.
-static bool relocalizer_busy(struct relocalizer *r, const uint8_t *color, int64_t time_ns)
+static bool relocalizer_busy(struct relocalizer *relocalizer, const uint8_t *color, int64_t time_ns)
 {
-    pthread_mutex_lock(&r->worker.lock);
-    const bool busy = r->tracker;
+    pthread_mutex_lock(&relocalizer->worker.lock);
+    const bool busy = relocalizer->tracker;
     if (busy) {
-        store_frame(&r->newer, r, color, time_ns);
-        r->newer_pending = true;
-        pthread_cond_broadcast(&r->worker.changed);
+        store_frame(&relocalizer->newer, relocalizer, color, time_ns);
+        relocalizer->newer_pending = true;
+        pthread_cond_broadcast(&relocalizer->worker.changed);
     }
-    pthread_mutex_unlock(&r->worker.lock);
+    pthread_mutex_unlock(&relocalizer->worker.lock);
     return busy;
 }
 
 // Once relocalizer_busy has returned false. OK, AMBIGUOUS: the camera was found, and tracked to the newest image.
 // NOTHING: it was not found, or lost again. Errors as camera_tracker_process. *finds: in how many images it was
 // localised from scratch.
-static enum status relocalizer_finish(struct relocalizer *r, int *finds)
+static enum status relocalizer_finish(struct relocalizer *relocalizer, int *finds)
 {
-    pthread_mutex_lock(&r->worker.lock);
-    assert(!r->tracker);
-    const enum status status = failure_restore(&r->failure);
-    *finds = r->finds;
-    pthread_mutex_unlock(&r->worker.lock);
+    pthread_mutex_lock(&relocalizer->worker.lock);
+    assert(!relocalizer->tracker);
+    const enum status status = failure_restore(&relocalizer->failure);
+    *finds = relocalizer->finds;
+    pthread_mutex_unlock(&relocalizer->worker.lock);
     return status;
 }
 
@@ -246,44 +247,44 @@ enum status localizer_open(struct camera_localizer **out, const struct place *pl
     return OK;
 }
 
-const struct lens *localizer_lens(const struct camera_localizer *l) { return &l->lens; }
+const struct lens *localizer_lens(const struct camera_localizer *localizer) { return &localizer->lens; }
 
-int32_t localizer_moved_tags(const struct camera_localizer *l, int32_t *first)
+int32_t localizer_moved_tags(const struct camera_localizer *localizer, int32_t *first)
 {
-    *first = l->first_moved;
-    return l->moved_tags;
+    *first = localizer->first_moved;
+    return localizer->moved_tags;
 }
 
-void localizer_close(struct camera_localizer **l)
+void localizer_close(struct camera_localizer **localizer)
 {
-    if (*l) {
-        relocalizer_close(&(*l)->relocalizer); // before the tracker, which may be lent to it
-        camera_tracker_close(&(*l)->tracker);
-        free(*l);
+    if (*localizer) {
+        relocalizer_close(&(*localizer)->relocalizer); // before the tracker, which may be lent to it
+        camera_tracker_close(&(*localizer)->tracker);
+        free(*localizer);
     }
-    *l = NULL;
+    *localizer = NULL;
 }
 
-static enum status relocalize_in_background(struct camera_localizer *l, const uint8_t *color, int64_t time_ns)
+static enum status relocalize_in_background(struct camera_localizer *localizer, const uint8_t *color, int64_t time_ns)
 {
-    relocalizer_begin(l->relocalizer, l->tracker, color, time_ns, MAX_FINDS - l->finds);
-    l->relocalizing = true;
+    relocalizer_begin(localizer->relocalizer, localizer->tracker, color, time_ns, MAX_FINDS - localizer->finds);
+    localizer->relocalizing = true;
     return NOTHING;
 }
 
-static enum status track_or_find(struct camera_localizer *l, const uint8_t *color, int64_t time_ns,
+static enum status track_or_find(struct camera_localizer *localizer, const uint8_t *color, int64_t time_ns,
                                  struct location *location)
 {
     struct camera_motion motion;
-    enum status status = camera_tracker_track(l->tracker, color, NULL, time_ns, location, &motion);
+    enum status status = camera_tracker_track(localizer->tracker, color, NULL, time_ns, location, &motion);
     if (status == OK)
-        l->finds = 0;
-    if (status == NOTHING && l->finds >= MAX_FINDS)
-        status = camera_tracker_localize(l->tracker, color, NULL, location, &motion);
+        localizer->finds = 0;
+    if (status == NOTHING && localizer->finds >= MAX_FINDS)
+        status = camera_tracker_localize(localizer->tracker, color, NULL, location, &motion);
     else if (status == NOTHING)
-        return relocalize_in_background(l, color, time_ns);
-    l->lens = *camera_tracker_lens(l->tracker);
-    l->moved_tags = camera_tracker_moved_tags(l->tracker, &l->first_moved);
+        return relocalize_in_background(localizer, color, time_ns);
+    localizer->lens = *camera_tracker_lens(localizer->tracker);
+    localizer->moved_tags = camera_tracker_moved_tags(localizer->tracker, &localizer->first_moved);
     return status;
 }
 

@@ -16,14 +16,14 @@ struct camera_localizer;
 // localizer. ERR_INPUT, ERR_MEMORY as locator_open; *out is then NULL.
 MUST_CHECK enum status localizer_open(struct camera_localizer **out, const struct place *place, const struct lens *lens,
                                       struct present_gap *gap);
-void localizer_close(struct camera_localizer **l); // NULL is fine; waits for a running relocalisation
+void localizer_close(struct camera_localizer **localizer); // NULL is fine; waits for a running relocalisation
 
 // The lens used for the last image; self-calibration may have changed it: camera_tracker_lens.
-const struct lens *localizer_lens(const struct camera_localizer *l);
+const struct lens *localizer_lens(const struct camera_localizer *localizer);
 
 // How many tags are not where the place has them, by the last image that was localised. *first: the lowest of their
 // numbers, -1 for none. See camera_tracker_moved_tags.
-int32_t localizer_moved_tags(const struct camera_localizer *l, int32_t *first);
+int32_t localizer_moved_tags(const struct camera_localizer *localizer, int32_t *first);
 
 // color: RGB of the lens's size. time_ns: of the exposure, by the camera's clock.
 // OK, AMBIGUOUS: *world_from_camera is filled. NOTHING: the pose is not known. Errors as locator_localize; the next

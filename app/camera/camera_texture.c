@@ -45,10 +45,10 @@ enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu)
 }
 
 // Releases what the GPU has finished reading; wait: waits for it.
-static void release_finished(struct camera_texture *t, bool wait)
+static void release_finished(struct camera_texture *texture, bool wait)
 {
     for (int i = 0; i < MAX_PENDING; i++) {
-        struct pending_read *r = &t->pending[i];
+        struct pending_read *r = &texture->pending[i];
         if (!r->dmabuf || (!gpu_fence_passed(r->fence, wait) && !wait))
             continue;
         gpu_fence_close(&r->fence);
@@ -68,14 +68,14 @@ void camera_texture_close(struct camera_texture **out)
     *out = NULL;
 }
 
-bool camera_texture_can_import(const struct camera_texture *t) { return t->can_import; }
+bool camera_texture_can_import(const struct camera_texture *texture) { return texture->can_import; }
 
-static enum status upload(struct camera_texture *t, const struct camera_frame *frame)
+static enum status upload(struct camera_texture *texture, const struct camera_frame *frame)
 {
-    t->counts.uploaded++;
-    t->shows_imported = false;
+    texture->counts.uploaded++;
+    texture->shows_imported = false;
     const struct gpu_texture_layout layout = {GPU_RGB8, frame->lens.width, frame->lens.height, GPU_LINEAR};
-    return gpu_texture_put(&t->uploaded, t->gpu, &layout, frame->rgb);
+    return gpu_texture_put(&texture->uploaded, texture->gpu, &layout, frame->rgb);
 }
 
 // ---------------------------------------------------------------- import
@@ -87,7 +87,7 @@ static bool same_kind(const struct dmabuf_image *a, const struct dmabuf_image *b
            a->planes[0].stride == b->planes[0].stride;
 }
 
-static enum status convert(struct camera_texture *t, const struct dmabuf_image *image)
+static enum status convert(struct camera_texture *texture, const struct dmabuf_image *image)
 {
     struct yuv_plane planes[2];
     struct gpu_texture *textures[2] = {NULL, NULL};
@@ -95,24 +95,25 @@ static enum status convert(struct camera_texture *t, const struct dmabuf_image *
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++) {
         const struct gpu_dmabuf memory = {image->planes[i].file, image->planes[i].offset, image->planes[i].stride};
-        status = gpu_texture_import(&textures[i], t->gpu, planes[i].format, planes[i].width, planes[i].height, &memory);
+        status = gpu_texture_import(&textures[i], texture->gpu, planes[i].format, planes[i].width, planes[i].height,
+                                    &memory);
     }
     const struct gpu_texture *const read[2] = {textures[0], textures[1]};
     if (status == OK)
-        status = yuv_to_rgb_draw(t->converter, image, read);
+        status = yuv_to_rgb_draw(texture->converter, image, read);
     for (int i = 0; i < count; i++)
         gpu_texture_close(&textures[i]); // the driver keeps what it still reads
     return status;
 }
 
 // Whether the GPU's pixels equal the CPU's. ERR_DEVICE: they do not.
-static enum status compare(struct camera_texture *t, const struct camera_frame *frame)
+static enum status compare(struct camera_texture *texture, const struct camera_frame *frame)
 {
     const size_t pixels = (size_t)frame->lens.width * (size_t)frame->lens.height;
     uint8_t *rgba = malloc(4 * pixels);
     if (!rgba)
         return fail(ERR_MEMORY, "no memory for the camera's image");
-    enum status status = yuv_to_rgb_read(t->converter, rgba);
+    enum status status = yuv_to_rgb_read(texture->converter, rgba);
     size_t different = 0;
     for (size_t i = 0; i < pixels && status == OK; i++)
         different += rgba[4 * i] != frame->rgb[3 * i] || rgba[4 * i + 1] != frame->rgb[3 * i + 1] ||
@@ -124,35 +125,35 @@ static enum status compare(struct camera_texture *t, const struct camera_frame *
 }
 
 // OK: the image is converted, and *dmabuf taken over until the GPU has finished. NOTHING: to be uploaded instead.
-static enum status import_dmabuf(struct camera_texture *t, const struct camera_frame *frame,
+static enum status import_dmabuf(struct camera_texture *texture, const struct camera_frame *frame,
                                  struct dmabuf_image **dmabuf)
 {
-    if (!same_kind(*dmabuf, &t->tried)) {
-        t->tried = **dmabuf;
-        t->trust = UNTRIED;
+    if (!same_kind(*dmabuf, &texture->tried)) {
+        texture->tried = **dmabuf;
+        texture->trust = UNTRIED;
     }
-    if (t->trust == BAD)
+    if (texture->trust == BAD)
         return NOTHING;
     struct pending_read *slot = NULL;
     for (int i = 0; i < MAX_PENDING; i++)
-        if (!t->pending[i].dmabuf)
-            slot = &t->pending[i];
+        if (!texture->pending[i].dmabuf)
+            slot = &texture->pending[i];
     if (!slot)
         return NOTHING; // the GPU is far behind
-    enum status status = convert(t, *dmabuf);
-    if (status == OK && t->trust == UNTRIED)
-        status = compare(t, frame);
+    enum status status = convert(texture, *dmabuf);
+    if (status == OK && texture->trust == UNTRIED)
+        status = compare(texture, frame);
     if (status == OK)
-        status = gpu_fence_open(&slot->fence, t->gpu);
-    t->trust = status == OK ? GOOD : BAD;
+        status = gpu_fence_open(&slot->fence, texture->gpu);
+    texture->trust = status == OK ? GOOD : BAD;
     if (status != OK) {
-        snprintf(t->why, sizeof t->why, "%s", status_message());
+        snprintf(texture->why, sizeof texture->why, "%s", status_message());
         return NOTHING;
     }
     slot->dmabuf = *dmabuf;
     *dmabuf = NULL;
-    t->shows_imported = true;
-    t->counts.imported++;
+    texture->shows_imported = true;
+    texture->counts.imported++;
     return OK;
 }
 
@@ -168,14 +169,14 @@ enum status camera_texture_update(struct camera_texture *t, const struct camera_
     return upload(t, frame);
 }
 
-const struct gpu_texture *camera_texture_current(struct camera_texture *t)
+const struct gpu_texture *camera_texture_current(struct camera_texture *texture)
 {
-    return t->shows_imported ? yuv_to_rgb_texture(t->converter) : t->uploaded;
+    return texture->shows_imported ? yuv_to_rgb_texture(texture->converter) : texture->uploaded;
 }
 
-struct camera_texture_counts camera_texture_count(const struct camera_texture *t)
+struct camera_texture_counts camera_texture_count(const struct camera_texture *texture)
 {
-    struct camera_texture_counts counts = t->counts;
-    counts.why = t->why;
+    struct camera_texture_counts counts = texture->counts;
+    counts.why = texture->why;
     return counts;
 }

@@ -1,6 +1,5 @@
 // reenact-capture calibrate --board: what calibration needs on paper.
 #include "app/commands/commands.h"
-
 #include "capture/calibration/color_depth.h"
 #include "capture/calibration/printed_tags.h"
 #include "platform/files/output.h"
@@ -14,7 +13,7 @@ struct board_arguments {
     bool discs, chequers, force;
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct board_arguments *a = state->input;
     switch (key) {
@@ -41,7 +40,7 @@ static const struct argp_option options[] = {
 
 const struct argp calibrate_board_argp = {
     options,
-    parse,
+    parse_option,
     NULL,
     "Boards to print for calibration.\vThe discs are glued on blocks 5 cm high, and "
     "these on a white board, 4 across and "

@@ -1,13 +1,12 @@
 // reenact-capture calibrate --lens, --color-depth, --rolling-shutter: one camera or sensor, from what is held before
 // it.
-#include "app/commands/commands.h"
-
 #include "app/commands/command.h"
+#include "app/commands/commands.h"
 #include "capture/calibration/color_depth.h"
 #include "capture/calibration/lens_calibration.h"
 #include "capture/calibration/printed_tags.h"
-#include "locate/tag_model.h"
 #include "locate/tag_corners.h"
+#include "locate/tag_model.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "platform/sensors/source.h"
@@ -51,7 +50,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct camera_arguments *a = state->input;
     int size[2];
@@ -64,23 +63,23 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_JSON: a->json = true; return 0;
     case KEY_PITCH: a->board.pitch_m = 1e-3 * command_parse_number(state, "--pitch", value, 1, 1000); return 0;
     case KEY_VIEWS:
-        a->views = (int)command_parse_number(state, "--views", value, LENS_LEAST_VIEWS, LENS_MOST_VIEWS);
+        a->views = (int)command_parse_number(state, "--views", value, LENS_MIN_VIEWS, LENS_MAX_VIEWS);
         return 0;
     case KEY_CHEQUERS:
     case KEY_CIRCLES:
         a->chequers = key == KEY_CHEQUERS;
-        command_parse_size(state, a->chequers ? "--chequers" : "--circles", value, 4, STEREO_MOST_CIRCLES / 4, size);
+        command_parse_size(state, a->chequers ? "--chequers" : "--circles", value, 4, STEREO_MAX_CIRCLES / 4, size);
         a->board.columns = size[0];
         a->board.rows = size[1];
-        if (size[0] * size[1] > STEREO_MOST_CIRCLES)
-            argp_error(state, "a board has at most %d corners or circles, not %s", STEREO_MOST_CIRCLES, value);
+        if (size[0] * size[1] > STEREO_MAX_CIRCLES)
+            argp_error(state, "a board has at most %d corners or circles, not %s", STEREO_MAX_CIRCLES, value);
         return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
 
-enum { REPORT_MOST = 8 };
+enum { REPORT_MAX = 8 };
 
 // What one kind does with a frame, and what it found.
 struct calibration_run {
@@ -96,216 +95,219 @@ struct calibration_run {
     struct readout readout;
     bool enough;
     int report_count; // numbers that say how good the result is
-    const char *report_name[REPORT_MOST];
-    double report_value[REPORT_MOST];
+    const char *report_name[REPORT_MAX];
+    double report_value[REPORT_MAX];
 };
 
-static enum status add_lens(struct calibration_run *r, const struct frame *f)
+static enum status add_lens(struct calibration_run *run, const struct frame *frame)
 {
     bool used = false;
-    enum status status = f->color ? lens_calibration_add(&r->lens, f->color, &used) : OK;
-    snprintf(r->bar.note, sizeof r->bar.note, "%d of %d views · %s", r->lens.views, r->a->views,
+    enum status status = frame->color ? lens_calibration_add(&run->lens, frame->color, &used) : OK;
+    snprintf(run->bar.note, sizeof run->bar.note, "%d of %d views · %s", run->lens.views, run->a->views,
              used ? "now tilt it another way" : "show the board tilted, in every corner of the picture");
-    r->enough = r->lens.views >= r->a->views;
+    run->enough = run->lens.views >= run->a->views;
     return status;
 }
 
-static enum status add_color_depth(struct calibration_run *r, const struct frame *f)
+static enum status add_color_depth(struct calibration_run *run, const struct frame *frame)
 {
     static const char *const words[] = {"seen", "not the whole board in colour", "not in depth",
                                         "too far: come nearer"};
     enum color_depth_seen seen = DISCS_NOT_IN_COLOR;
-    enum status status = f->color && f->depth ? color_depth_add(&r->color_depth, f->color, f->depth, &seen) : OK;
-    snprintf(r->bar.note, sizeof r->bar.note, "%d of %d views · %s", r->color_depth.views, r->a->views, words[seen]);
-    r->enough = r->color_depth.views >= r->a->views;
+    enum status status =
+        frame->color && frame->depth ? color_depth_add(&run->color_depth, frame->color, frame->depth, &seen) : OK;
+    snprintf(run->bar.note, sizeof run->bar.note, "%d of %d views · %s", run->color_depth.views, run->a->views,
+             words[seen]);
+    run->enough = run->color_depth.views >= run->a->views;
     return status;
 }
 
 // Whether the first pictures without a tag show one in a mirror.
-static enum status look_in_mirror(struct calibration_run *r)
+static enum status look_in_mirror(struct calibration_run *run)
 {
     enum { LOOKS = 6 };
     int shown;
-    if (r->readout.count || r->mirror_looks++ >= LOOKS)
+    if (run->readout.count || run->mirror_looks++ >= LOOKS)
         return OK;
-    const enum status status = mirrored_tags_look(r->mirror, r->gray, &shown);
-    r->mirror_shows += shown > 0;
+    const enum status status = mirrored_tags_look(run->mirror, run->gray, &shown);
+    run->mirror_shows += shown > 0;
     return status;
 }
 
-static enum status add_rolling(struct calibration_run *r, const struct frame *f)
+static enum status add_rolling(struct calibration_run *run, const struct frame *frame)
 {
-    const struct lens *l = &r->calibration.color;
+    const struct lens *l = &run->calibration.color;
     struct tag_detection seen[16];
     int count = 0, largest = -1;
-    double most = 0;
-    if (!f->color)
+    double max = 0;
+    if (!frame->color)
         return OK;
-    gray_from_rgb(f->color, (size_t)l->width * (size_t)l->height, r->gray);
+    gray_from_rgb(frame->color, (size_t)l->width * (size_t)l->height, run->gray);
     enum status status =
-        tag_detector_detect(r->detector, &(struct gray_image){r->gray, l->width, l->height}, seen, 16, &count);
+        tag_detector_detect(run->detector, &(struct gray_image){run->gray, l->width, l->height}, seen, 16, &count);
     for (int i = 0; i < count; i++) {
         const double side = fabs(seen[i].corner[2].y - seen[i].corner[1].y);
-        const bool same = r->readout.count && r->readout.frames[0].id == seen[i].id;
-        if (same || (!r->readout.count && side > most)) {
-            most = side;
+        const bool same = run->readout.count && run->readout.frames[0].id == seen[i].id;
+        if (same || (!run->readout.count && side > max)) {
+            max = side;
             largest = i;
         }
     }
     if (largest >= 0)
-        readout_add(&r->readout, (double)f->time_ns * 1e-9, seen[largest].id, seen[largest].corner);
-    snprintf(r->bar.note, sizeof r->bar.note,
+        readout_add(&run->readout, (double)frame->time_ns * 1e-9, seen[largest].id, seen[largest].corner);
+    snprintf(run->bar.note, sizeof run->bar.note,
              "tag %s · swing left and right, a turn of the wrist each way every second",
              largest >= 0 ? "seen" : "not seen");
-    r->enough = r->readout.count >= 150; // 5 s
-    return status == OK && !count ? look_in_mirror(r) : status;
+    run->enough = run->readout.count >= 150; // 5 s
+    return status == OK && !count ? look_in_mirror(run) : status;
 }
 
-static enum status feed(struct calibration_run *r, struct source_frames *frames,
-                        enum status (*add)(struct calibration_run *, const struct frame *))
+static enum status feed_frames(struct calibration_run *run, struct source_frames *frames,
+                               enum status (*add)(struct calibration_run *, const struct frame *))
 {
     enum status status = OK;
     command_catch_signals();
-    progress_bar_start(&r->bar, "calibrating", source_remaining(frames->source));
-    while (status == OK && !r->enough) {
+    progress_bar_start(&run->bar, "calibrating", source_remaining(frames->source));
+    while (status == OK && !run->enough) {
         struct frame frame;
         status = source_frames_next(frames, &frame);
         if (status == OK)
-            status = add(r, &frame);
-        progress_bar_step(&r->bar);
+            status = add(run, &frame);
+        progress_bar_step(&run->bar);
     }
-    progress_bar_end(&r->bar);
+    progress_bar_end(&run->bar);
     return status == NOTHING ? OK : status;
 }
 
 // ---------------------------------------------------------------- results
 
 // Where there is no --out, the result goes to where the device's is looked up, if it has such a place (*kept).
-static enum status keep(const struct calibration_run *r, struct source *source, bool *kept)
+static enum status save_calibration(const struct calibration_run *run, struct source *source, bool *kept)
 {
     *kept = false;
-    if (r->a->out)
-        return calibration_write(r->a->out, &r->calibration);
-    const enum status status = source_save_calibration(source, &r->calibration);
+    if (run->a->out)
+        return calibration_write(run->a->out, &run->calibration);
+    const enum status status = source_save_calibration(source, &run->calibration);
     *kept = status == OK;
     return status == NOTHING ? OK : status;
 }
 
-static void report_set(struct calibration_run *r, const char *const names[], const double *values, int count)
+static void report_set(struct calibration_run *run, const char *const names[], const double *values, int count)
 {
-    assert(count <= REPORT_MOST);
-    r->report_count = count;
+    assert(count <= REPORT_MAX);
+    run->report_count = count;
     for (int i = 0; i < count; i++) {
-        r->report_name[i] = names[i];
-        r->report_value[i] = values[i];
+        run->report_name[i] = names[i];
+        run->report_value[i] = values[i];
     }
 }
 
-static void print_report(const struct calibration_run *r)
+static void print_report(const struct calibration_run *run)
 {
-    for (int i = 0; i < r->report_count; i++)
-        printf("%s%s %.4g", i ? ", " : "", r->report_name[i], r->report_value[i]);
+    for (int i = 0; i < run->report_count; i++)
+        printf("%s%s %.4g", i ? ", " : "", run->report_name[i], run->report_value[i]);
     printf("\n");
 }
 
-static enum status print_json(const struct calibration_run *r, bool kept)
+static enum status print_json(const struct calibration_run *run, bool kept)
 {
     struct json *root = json_new_object();
-    for (int i = 0; i < r->report_count; i++)
-        json_add_number(root, r->report_name[i], r->report_value[i]);
+    for (int i = 0; i < run->report_count; i++)
+        json_add_number(root, run->report_name[i], run->report_value[i]);
     json_add_bool(root, "kept", kept);
-    calibration_add_json(json_add_object(root, "calibration"), &r->calibration);
+    calibration_add_json(json_add_object(root, "calibration"), &run->calibration);
     return command_print_json(&root);
 }
 
-static enum status keep_and_print(const struct calibration_run *r, struct source *source)
+static enum status keep_and_print(const struct calibration_run *run, struct source *source)
 {
     bool kept;
-    if (!r->a->json)
-        print_report(r);
-    enum status status = keep(r, source, &kept);
-    if (status != OK || r->a->json)
-        return status == OK ? print_json(r, kept) : status;
+    if (!run->a->json)
+        print_report(run);
+    enum status status = save_calibration(run, source, &kept);
+    if (status != OK || run->a->json)
+        return status == OK ? print_json(run, kept) : status;
     if (kept)
-        printf("kept for this %s\n", r->a->color_depth ? "sensor" : "camera");
-    if (kept || r->a->out)
+        printf("kept for this %s\n", run->a->color_depth ? "sensor" : "camera");
+    if (kept || run->a->out)
         return OK;
     struct json *root = json_new_object();
-    calibration_add_json(root, &r->calibration);
+    calibration_add_json(root, &run->calibration);
     return command_print_json(&root);
 }
 
-static enum status solve_lens(struct calibration_run *r)
+static enum status solve_lens(struct calibration_run *run)
 {
     struct lens_report report;
     struct lens lens;
-    enum status status = lens_calibration_solve(&r->lens, &lens, &report);
+    enum status status = lens_calibration_solve(&run->lens, &lens, &report);
     if (status != OK)
         return status;
-    lens.readout_s = r->calibration.color.readout_s;
-    r->calibration.color = lens;
+    lens.readout_s = run->calibration.color.readout_s;
+    run->calibration.color = lens;
     static const char *const names[] = {"views", "circles", "rms_px", "max_px", "focal_sigma_percent", "mm_per_m"};
     const double values[] = {report.views,  report.circles,           report.rms_px,
                              report.max_px, report.focal_sigma * 100, report.sigma_mm_per_m};
-    report_set(r, names, values, COUNT_OF(values));
+    report_set(run, names, values, COUNT_OF(values));
     return OK;
 }
 
-static enum status solve_color_depth(struct calibration_run *r)
+static enum status solve_color_depth(struct calibration_run *run)
 {
     struct color_depth_report report;
-    enum status status = color_depth_solve(&r->color_depth, &r->calibration.color_from_depth, &report);
+    enum status status = color_depth_solve(&run->color_depth, &run->calibration.color_from_depth, &report);
     if (status != OK)
         return status;
-    r->calibration.registered = false;
+    run->calibration.registered = false;
     static const char *const names[] = {"views",    "discs",     "rms_px",   "rms_mm",
                                         "sigma_mm", "sigma_deg", "shift_mm", "turn_deg"};
     const double values[] = {report.views,    report.points,    report.rms_px,   report.rms_mm,
                              report.sigma_mm, report.sigma_deg, report.shift_mm, report.turn_deg};
-    report_set(r, names, values, COUNT_OF(values));
+    report_set(run, names, values, COUNT_OF(values));
     return OK;
 }
 
-static enum status solve_rolling(struct calibration_run *r)
+static enum status solve_rolling(struct calibration_run *run)
 {
     struct readout_report report;
     double readout_s;
-    if (r->mirror_shows > 1 && !r->readout.count)
+    if (run->mirror_shows > 1 && !run->readout.count)
         return fail(ERR_INPUT, "the pictures are mirrored, so that no tag is recognised: switch the camera's mirror "
                                "off and film again");
-    enum status status = readout_solve(&r->readout, &readout_s, &report);
+    enum status status = readout_solve(&run->readout, &readout_s, &report);
     if (status != OK)
         return status;
-    r->calibration.color.readout_s = readout_s;
+    run->calibration.color.readout_s = readout_s;
     static const char *const names[] = {"readout_ms", "sigma_ms", "frames", "rms_px", "shear_px"};
     const double values[] = {readout_s * 1e3, report.sigma_s * 1e3, report.frames, report.rms_px, report.bend_px};
-    report_set(r, names, values, COUNT_OF(values));
+    report_set(run, names, values, COUNT_OF(values));
     return OK;
 }
 
-static enum status prepare(struct calibration_run *r)
+static enum status prepare_run(struct calibration_run *run)
 {
-    const struct lens *color = &r->calibration.color;
+    const struct lens *color = &run->calibration.color;
     const struct disc_board discs = disc_board_default();
     if (!color->width)
         return fail(ERR_INPUT, "this sensor has no colour camera");
-    lens_calibration_start(&r->lens, &r->a->board, color->width, color->height);
-    r->lens.chequers = r->a->chequers;
-    r->readout.lens = *color;
-    r->readout.lens.readout_s = 0;
-    r->gray = malloc((size_t)color->width * (size_t)color->height);
-    if (!r->gray)
+    lens_calibration_start(&run->lens, &run->a->board, color->width, color->height);
+    run->lens.chequers = run->a->chequers;
+    run->readout.lens = *color;
+    run->readout.lens.readout_s = 0;
+    run->gray = malloc((size_t)color->width * (size_t)color->height);
+    if (!run->gray)
         return fail(ERR_MEMORY, "no memory to calibrate");
-    if (r->a->color_depth)
-        return color_depth_start(&r->color_depth, &r->calibration, &discs);
-    const enum status status = mirrored_tags_open(&r->mirror, color, NULL, 0);
-    return status == OK ? tag_detector_open(&r->detector, 1) : status;
+    if (run->a->color_depth)
+        return color_depth_start(&run->color_depth, &run->calibration, &discs);
+    const enum status status = mirrored_tags_open(&run->mirror, color, NULL, 0);
+    return status == OK ? tag_detector_open(&run->detector, 1) : status;
 }
 
 // A depth sensor's colour camera is a camera, too.
-static enum source_wanted kind_of(const struct camera_arguments *a, const char *uri)
+static enum source_wanted kind_of(const struct camera_arguments *arguments, const char *uri)
 {
-    return a->color_depth || !strncmp(uri, "openni", 6) || !strncmp(uri, "oni:", 4) ? SOURCE_SENSOR : SOURCE_CAMERA;
+    return arguments->color_depth || !strncmp(uri, "openni", 6) || !strncmp(uri, "oni:", 4) ? SOURCE_SENSOR
+                                                                                            : SOURCE_CAMERA;
 }
 
 // What is to be measured: of which input, and by what.
@@ -315,18 +317,18 @@ struct measurement {
     enum status (*solve)(struct calibration_run *r);
 };
 
-static struct measurement measurement_of(const struct camera_arguments *a)
+static struct measurement measurement_of(const struct camera_arguments *arguments)
 {
-    if (a->lens)
-        return (struct measurement){a->lens, add_lens, solve_lens};
-    if (a->color_depth)
-        return (struct measurement){a->color_depth, add_color_depth, solve_color_depth};
-    return (struct measurement){a->rolling_shutter, add_rolling, solve_rolling};
+    if (arguments->lens)
+        return (struct measurement){arguments->lens, add_lens, solve_lens};
+    if (arguments->color_depth)
+        return (struct measurement){arguments->color_depth, add_color_depth, solve_color_depth};
+    return (struct measurement){arguments->rolling_shutter, add_rolling, solve_rolling};
 }
 
-static enum status calibrate(struct calibration_run *r)
+static enum status calibrate_camera(struct calibration_run *run)
 {
-    const struct camera_arguments *a = r->a;
+    const struct camera_arguments *a = run->a;
     const struct measurement measurement = measurement_of(a);
     struct source_frames frames = {.source = NULL};
     struct source *source = NULL;
@@ -334,30 +336,30 @@ static enum status calibrate(struct calibration_run *r)
     if (status == OK)
         status = source_open(&source, measurement.uri, kind_of(a, measurement.uri));
     if (status == OK) {
-        r->calibration = *source_calibration(source);
-        status = prepare(r);
+        run->calibration = *source_calibration(source);
+        status = prepare_run(run);
     }
     frames.source = source;
     if (status == OK)
-        status = feed(r, &frames, measurement.add);
+        status = feed_frames(run, &frames, measurement.add);
     if (status == OK)
-        status = measurement.solve(r);
+        status = measurement.solve(run);
     if (status == OK)
-        status = keep_and_print(r, source);
+        status = keep_and_print(run, source);
     if (status == OK)
         status = source_frames_end(&frames);
-    lens_calibration_free(&r->lens);
-    color_depth_free(&r->color_depth);
-    tag_detector_close(&r->detector);
-    mirrored_tags_close(&r->mirror);
-    free(r->gray);
+    lens_calibration_free(&run->lens);
+    color_depth_free(&run->color_depth);
+    tag_detector_close(&run->detector);
+    mirrored_tags_close(&run->mirror);
+    free(run->gray);
     source_close(&source);
     return status;
 }
 
 const struct argp calibrate_camera_argp = {
     options,
-    parse,
+    parse_option,
     NULL,
     "Calibrates a camera or a sensor from what is held before it.\vA folder's "
     "pictures, or a live camera until enough was "
@@ -375,5 +377,5 @@ int capture_calibrate_camera(int argc, char **argv)
     struct camera_arguments a = {.board = printed_board(PAPER_A4), .views = 20};
     command_parse(&calibrate_camera_argp, argc, argv, &a);
     run = (struct calibration_run){.a = &a};
-    return calibrate(&run) == OK ? 0 : command_failed(argv[0]);
+    return calibrate_camera(&run) == OK ? 0 : command_failed(argv[0]);
 }

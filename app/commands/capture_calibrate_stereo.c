@@ -1,6 +1,5 @@
 // reenact-capture calibrate --stereo: two cameras that are fixed to each other.
 #include "app/commands/commands.h"
-
 #include "capture/calibration/stereo_rig.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
@@ -24,7 +23,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct stereo_arguments *a = state->input;
     switch (key) {
@@ -38,45 +37,47 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
-static enum status print_report(const struct stereo_rig *rig, const struct stereo_report *r, int pairs, bool as_json)
+static enum status print_report(const struct stereo_rig *rig, const struct stereo_report *report, int pairs,
+                                bool as_json)
 {
     if (!as_json) {
-        printf("%d of %d pairs; reprojection %.3f px left, %.3f px right (largest %.2f, %.2f)\n", r->views, pairs,
-               r->rms_px[0], r->rms_px[1], r->max_px[0], r->max_px[1]);
+        printf("%d of %d pairs; reprojection %.3f px left, %.3f px right (largest %.2f, %.2f)\n", report->views, pairs,
+               report->rms_px[0], report->rms_px[1], report->max_px[0], report->max_px[1]);
         printf(
             "left  fx %.2f fy %.2f cx %.2f cy %.2f\nright fx %.2f fy %.2f cx %.2f cy %.2f (focal lengths to %.2f %%)\n",
             rig->left.fx, rig->left.fy, rig->left.cx, rig->left.cy, rig->right.fx, rig->right.fy, rig->right.cx,
-            rig->right.cy, 100 * r->focal_sigma);
-        printf("baseline %.2f mm, standard deviation %.2f mm\n", 1000 * r->baseline_m, 1000 * r->baseline_sigma_m);
+            rig->right.cy, 100 * report->focal_sigma);
+        printf("baseline %.2f mm, standard deviation %.2f mm\n", 1000 * report->baseline_m,
+               1000 * report->baseline_sigma_m);
         return OK;
     }
     struct json *root = json_new_object();
     static const char *const sides[2] = {"left", "right"};
     json_add_number(root, "pairs", pairs);
-    json_add_number(root, "pairs_used", r->views);
+    json_add_number(root, "pairs_used", report->views);
     for (int i = 0; i < 2; i++) {
         const struct lens *l = i ? &rig->right : &rig->left;
         struct json *camera = json_add_object(root, sides[i]);
-        json_add_number(camera, "boards", r->boards[i]);
-        json_add_number(camera, "circles", r->circles[i]);
-        json_add_number(camera, "rms_px", r->rms_px[i]);
-        json_add_number(camera, "max_px", r->max_px[i]);
+        json_add_number(camera, "boards", report->boards[i]);
+        json_add_number(camera, "circles", report->circles[i]);
+        json_add_number(camera, "rms_px", report->rms_px[i]);
+        json_add_number(camera, "max_px", report->max_px[i]);
         json_add_number(camera, "fx", l->fx);
         json_add_number(camera, "fy", l->fy);
         json_add_number(camera, "cx", l->cx);
         json_add_number(camera, "cy", l->cy);
     }
-    json_add_number(root, "baseline_m", r->baseline_m);
-    json_add_number(root, "baseline_sigma_m", r->baseline_sigma_m);
-    json_add_number(root, "focal_sigma", r->focal_sigma);
-    json_add_number(root, "pairs_left_out", r->left_out);
-    json_add_string(root, "warning", r->warning);
+    json_add_number(root, "baseline_m", report->baseline_m);
+    json_add_number(root, "baseline_sigma_m", report->baseline_sigma_m);
+    json_add_number(root, "focal_sigma", report->focal_sigma);
+    json_add_number(root, "pairs_left_out", report->left_out);
+    json_add_string(root, "warning", report->warning);
     return command_print_json(&root);
 }
 
 const struct argp calibrate_stereo_argp = {
     options,
-    parse,
+    parse_option,
     "--stereo DIR [--out RIG.json]",
     "Calibrate two cameras that are fixed to each other.\v"
     "Hold a flat board of dark circles before both cameras, near and far, turned to each side, into "

@@ -1,13 +1,12 @@
 // reenact-capture devices: lists the sensors and cameras that can be opened.
 #include "app/commands/commands.h"
-
 #include "platform/files/installed.h"
 #include "platform/files/json.h"
 #include "platform/sensors/source.h"
 
 #include <stdio.h>
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     bool *json = state->input;
     switch (key) {
@@ -36,7 +35,7 @@ int capture_devices(int argc, char **argv)
     };
     static const struct argp argp = {
         .options = options,
-        .parser = parse,
+        .parser = parse_option,
         .doc = "Lists the depth sensors and cameras that can be opened, by the URI that --sensor and --camera take."
                "\vNone is no error. Recordings (oni:FILE, mkv:FILE) and folders of pictures (folder:DIR) can always be "
                "opened."};

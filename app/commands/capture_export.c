@@ -36,7 +36,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static void check(struct argp_state *state, const struct export_arguments *given)
+static void check_arguments(struct argp_state *state, const struct export_arguments *given)
 {
     const bool place = given->format == EXPORT_PLY && given->what == PLY_PLACE;
     command_require(state, given->file, "FILE");
@@ -52,7 +52,7 @@ static void check(struct argp_state *state, const struct export_arguments *given
         argp_error(state, "--out and --html name the same file");
 }
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct export_arguments *given = state->input;
     switch (key) {
@@ -75,7 +75,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_HTML: given->html = value; return 0;
     case KEY_FORCE: given->force = true; return 0;
     case ARGP_KEY_ARG: command_take_file(state, &given->file, value); return 0;
-    case ARGP_KEY_END: check(state, given); return 0;
+    case ARGP_KEY_END: check_arguments(state, given); return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -87,11 +87,11 @@ static int64_t chosen_frame(const struct export_arguments *given, const struct t
     if (isnan(given->at_s))
         return typical >= 0 ? typical : frames / 2;
     int64_t best = 0;
-    double least = INFINITY;
+    double min = INFINITY;
     for (int64_t i = 0; i < frames; i++) {
         const double since_s = (double)(take_entry(take, i)->time_ns - take_entry(take, 0)->time_ns) * 1e-9;
-        if (fabs(since_s - given->at_s) < least) {
-            least = fabs(since_s - given->at_s);
+        if (fabs(since_s - given->at_s) < min) {
+            min = fabs(since_s - given->at_s);
             best = i;
         }
     }
@@ -197,8 +197,8 @@ static enum status write_out(struct recording *recording, const struct export_ar
 
 int capture_export(int argc, char **argv)
 {
-    static const struct argp argp = {options, parse, "FILE", "Writes a take, or the place, for other programs.",
-                                     0,       0,     0};
+    static const struct argp argp = {
+        options, parse_option, "FILE", "Writes a take, or the place, for other programs.", 0, 0, 0};
     struct export_arguments given = {.format = -1, .at_s = NAN};
     struct progress_bar progress;
     const struct progress_watch watch = {.on_progress = on_progress, .self = &progress};

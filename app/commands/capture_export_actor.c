@@ -1,6 +1,5 @@
 // reenact-capture export: the actor's avatar as a model.
 #include "app/commands/capture_export.h"
-
 #include "platform/files/output.h"
 #include "reenact/avatar/avatar.h"
 #include "reenact/export/actor_export.h"

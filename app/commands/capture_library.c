@@ -1,9 +1,8 @@
 // reenact-capture library DIR: the takes of all recordings in a folder.
 #include "app/commands/commands.h"
-
 #include "app/commands/take_summary.h"
-#include "capture/take_verdict.h"
 #include "base/text.h"
+#include "capture/take_verdict.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 
@@ -19,7 +18,7 @@ struct library_arguments {
     bool json, force;
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct library_arguments *a = state->input;
     switch (key) {
@@ -78,7 +77,7 @@ static enum status find_files(const char *folder)
 
 // ------------------------------------------------------------- output
 
-static enum status put_row(FILE *html, struct take *take, const char *file, const struct take_summary *s,
+static enum status put_row(FILE *html, struct take *take, const char *file, const struct take_summary *summary,
                            const struct take_verdict *verdict)
 {
     char text[VERDICT_TEXT_BYTES];
@@ -95,62 +94,62 @@ static enum status put_row(FILE *html, struct take *take, const char *file, cons
     }
     free(jpeg);
     fputs("<td><b>", html);
-    html_put_text(html, s->name);
+    html_put_text(html, summary->name);
     fputs("</b><br>", html);
     html_put_text(html, file);
-    fprintf(html, "<td>%.1f s<br>%lld frames<td>", s->duration_s, (long long)s->frames);
+    fprintf(html, "<td>%.1f s<br>%lld frames<td>", summary->duration_s, (long long)summary->frames);
     html_put_text(html, verdict_text(verdict, text));
     fputs("<td>", html);
-    html_put_text(html, s->alias);
-    if (*s->alias && *s->note)
+    html_put_text(html, summary->alias);
+    if (*summary->alias && *summary->note)
         fputs("<br>", html);
-    html_put_text(html, s->note);
+    html_put_text(html, summary->note);
     fputs("</tr>\n", html);
     return OK;
 }
 
-static void print_take(const struct take_summary *s, const struct take_verdict *verdict)
+static void print_take(const struct take_summary *summary, const struct take_verdict *verdict)
 {
     enum { NAME = 24 };
     char text[VERDICT_TEXT_BYTES];
-    const int length = text_length(s->name);
-    printf("  %s%*s %7.1f s  %s", s->name, length < NAME ? NAME - length : 0, "", s->duration_s,
+    const int length = text_length(summary->name);
+    printf("  %s%*s %7.1f s  %s", summary->name, length < NAME ? NAME - length : 0, "", summary->duration_s,
            verdict_text(verdict, text));
-    if (*s->alias)
-        printf("  [%s]", s->alias);
-    if (*s->note)
-        printf("  \"%s\"", s->note);
+    if (*summary->alias)
+        printf("  [%s]", summary->alias);
+    if (*summary->note)
+        printf("  \"%s\"", summary->note);
     putchar('\n');
 }
 
-static void add_take(struct json *list, const char *file, const struct take_summary *s,
+static void add_take(struct json *list, const char *file, const struct take_summary *summary,
                      const struct take_verdict *verdict)
 {
     char text[VERDICT_TEXT_BYTES];
     struct json *take = json_add_object(list, NULL);
     json_add_string(take, "file", file);
-    json_add_string(take, "take", s->name);
-    json_add_number(take, "duration_s", s->duration_s);
-    json_add_number(take, "frames", (double)s->frames);
+    json_add_string(take, "take", summary->name);
+    json_add_number(take, "duration_s", summary->duration_s);
+    json_add_number(take, "frames", (double)summary->frames);
     json_add_string(take, "quality", verdict_text(verdict, text));
     verdict_add_json(take, verdict);
-    json_add_string(take, "alias", s->alias);
-    json_add_string(take, "note", s->note);
+    json_add_string(take, "alias", summary->alias);
+    json_add_string(take, "note", summary->note);
 }
 
 // ------------------------------------------------------------- the command
 
 // shown: its path, as a terminal can show it.
-static enum status list_take(struct recording *r, const char *shown, int index, struct json *list, FILE *html)
+static enum status list_take(struct recording *recording, const char *shown, int index, struct json *list, FILE *html)
 {
     struct take *take;
     struct take_verdict verdict;
-    enum status status = take_verdict_get(r, recording_take_name(r, index), NULL, &verdict);
+    enum status status = take_verdict_get(recording, recording_take_name(recording, index), NULL, &verdict);
     if (status == OK)
-        status = take_open_drawn(&take, r, recording_take_name(r, index));
+        status = take_open_drawn(&take, recording, recording_take_name(recording, index));
     if (status != OK)
         return status;
-    struct take_summary s = take_summarize(take, recording_take_name(r, index));
+    struct take_summary s = take_summarize(take, recording_take_name(recording, index));
     if (list)
         add_take(list, shown, &s, &verdict);
     else
@@ -185,9 +184,10 @@ static enum status list_file(const char *program, const char *path, struct json 
     return status == ERR_MEMORY ? status : OK;
 }
 
-static enum status list_all(const char *program, const struct library_arguments *a, struct json *list, FILE *html)
+static enum status list_all(const char *program, const struct library_arguments *arguments, struct json *list,
+                            FILE *html)
 {
-    enum status status = find_files(a->folder);
+    enum status status = find_files(arguments->folder);
     if (html)
         fputs("<!doctype html><meta charset=\"utf-8\"><title>Takes</title><style>body{font:15px sans-serif;margin:2em}"
               "td{padding:.4em 1em;vertical-align:middle;border-top:1px solid #ccc}img{display:block;height:120px}"
@@ -198,7 +198,7 @@ static enum status list_all(const char *program, const struct library_arguments 
     if (html)
         fputs("</table>\n", html);
     if (status == OK && !found.count && !list)
-        printf("no recording (*.reenact) in %s\n", a->folder);
+        printf("no recording (*.reenact) in %s\n", arguments->folder);
     for (int i = 0; i < found.count; i++)
         free(found.paths[i]);
     free(found.paths);
@@ -214,8 +214,10 @@ int capture_library(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {
-        options, parse, "DIR", "Lists the takes of all recordings (*.reenact) in a folder and those below it.",
-        0,       0,     0};
+        options, parse_option,
+        "DIR",   "Lists the takes of all recordings (*.reenact) in a folder and those below it.",
+        0,       0,
+        0};
     struct library_arguments a = {0};
     command_parse(&argp, argc, argv, &a);
     char *page = NULL;

@@ -1,15 +1,14 @@
 // reenact-capture map: maps the empty place from a sweep.
-#include "app/commands/commands.h"
-
 #include "app/commands/capture_objects.h"
-#include "app/commands/place_input.h"
 #include "app/commands/command.h"
+#include "app/commands/commands.h"
+#include "app/commands/place_input.h"
 #include "base/clock.h"
 #include "base/text.h"
 #include "capture/mapping/map_advice.h"
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -62,7 +61,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct map_arguments *a = state->input;
     switch (key) {
@@ -111,7 +110,7 @@ static void note_progress(struct mapper *mapper, char *out, size_t capacity)
 
 // Feeds the mapper until the source ends; pictures: kept where things are looked for. NOTHING: stopped before the end
 // of a source that has one.
-static enum status feed_mapper(struct source *source, struct mapper *mapper, const struct map_arguments *a,
+static enum status feed_mapper(struct source *source, struct mapper *mapper, const struct map_arguments *arguments,
                                struct sweep_pictures *pictures, struct sweep_trouble *trouble)
 {
     struct progress_bar bar;
@@ -124,10 +123,10 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
     while ((status = source_frames_next(&frames, &frame)) == OK) {
         if (frames.count == 1)
             first_ns = frame.time_ns;
-        if (a->seconds > 0 && (double)(frame.time_ns - first_ns) * 1e-9 > a->seconds)
+        if (arguments->seconds > 0 && (double)(frame.time_ns - first_ns) * 1e-9 > arguments->seconds)
             break;
         status = mapper_add(mapper, &frame);
-        if (status == OK && a->objects)
+        if (status == OK && arguments->objects)
             status = sweep_pictures_add(pictures, &frame);
         if (status != OK)
             break;
@@ -178,21 +177,21 @@ static enum status read_place(const char *path, struct place *out)
 }
 
 static enum status print_json(const char *path, const struct place *before, const struct place *place,
-                              const struct mapper_report *r, int64_t damaged)
+                              const struct mapper_report *report, int64_t damaged)
 {
     struct json *root = json_new_object();
     json_add_string(root, "file", path);
-    json_add_number(root, "frames", r->frames_seen);
-    json_add_number(root, "frames_used", r->frames);
-    json_add_number(root, "frames_placed", r->frames_placed);
-    json_add_number(root, "lost_from_s", r->lost_from_s);
-    json_add_number(root, "lost_to_s", r->lost_to_s);
+    json_add_number(root, "frames", report->frames_seen);
+    json_add_number(root, "frames_used", report->frames);
+    json_add_number(root, "frames_placed", report->frames_placed);
+    json_add_number(root, "lost_from_s", report->lost_from_s);
+    json_add_number(root, "lost_to_s", report->lost_to_s);
     json_add_number(root, "frames_damaged", (double)damaged);
-    json_add_number(root, "tags_unseen", r->tags_unseen);
-    json_add_number(root, "tags_apart", r->tags_disconnected);
-    json_add_number(root, "tags_unlisted", r->tags_unlisted);
-    json_add_number(root, "tags_moved", r->tags_moved);
-    json_add_number(root, "tags_outlier", r->tags_outlier);
+    json_add_number(root, "tags_unseen", report->tags_unseen);
+    json_add_number(root, "tags_apart", report->tags_disconnected);
+    json_add_number(root, "tags_unlisted", report->tags_unlisted);
+    json_add_number(root, "tags_moved", report->tags_moved);
+    json_add_number(root, "tags_outlier", report->tags_outlier);
     json_add_number(root, "tags_new", place->tag_count - before->tag_count);
     json_add_number(root, "points_new", place->point_count - before->point_count);
     json_add_number(root, "views_new", place->view_count - before->view_count);
@@ -200,12 +199,12 @@ static enum status print_json(const char *path, const struct place *before, cons
     json_add_number(root, "views", place->view_count);
     json_add_number(root, "rms_px", place->rms_px);
     json_add_number(root, "rms_m", place->rms_m);
-    json_add_bool(root, "floor_seen", r->floor_from_depth);
-    json_add_number(root, "tags_wrong_side", r->tags_wrong_side);
-    if (r->tags_wrong_side) {
-        json_add_number(root, "wrong_side_tag", r->first_wrong);
-        json_add_number(root, "wrong_side_listed_m", r->listed_side_m);
-        json_add_number(root, "wrong_side_measured_m", r->measured_m);
+    json_add_bool(root, "floor_seen", report->floor_from_depth);
+    json_add_number(root, "tags_wrong_side", report->tags_wrong_side);
+    if (report->tags_wrong_side) {
+        json_add_number(root, "wrong_side_tag", report->first_wrong);
+        json_add_number(root, "wrong_side_listed_m", report->listed_side_m);
+        json_add_number(root, "wrong_side_measured_m", report->measured_m);
     }
     struct json *tags = json_add_array(root, "tags");
     for (int32_t i = 0; i < place->tag_count; i++) {
@@ -229,11 +228,11 @@ static enum status print_json(const char *path, const struct place *before, cons
 }
 
 static void print_text(const char *path, const struct place *before, const struct place *place,
-                       const struct mapper_report *r)
+                       const struct mapper_report *report)
 {
     char shown[TEXT_SHOWN_BYTES];
     printf("%s: a place with %d tags and %d landmarks, from %d of %d pictures\n", text_shown(path, shown),
-           (int)place->tag_count, (int)place->point_count, (int)r->frames_placed, (int)r->frames);
+           (int)place->tag_count, (int)place->point_count, (int)report->frames_placed, (int)report->frames);
     if (before->tag_count || before->point_count)
         printf("%d tags and %d points are new\n", (int)(place->tag_count - before->tag_count),
                (int)(place->point_count - before->point_count));
@@ -251,7 +250,7 @@ static void print_things(const struct objects_found *found)
     putchar('\n');
 }
 
-static void warn(const char *program, const struct map_advice *advice)
+static void print_warnings(const char *program, const struct map_advice *advice)
 {
     for (int i = 0; i < advice->count; i++)
         fprintf(stderr, "%s: warning: %s\n", program, advice->line[i]);
@@ -282,7 +281,7 @@ static enum status finish_map(struct mapper *mapper, struct place *place, struct
     return status;
 }
 
-static int map_place(const char *program, const struct map_arguments *a, const struct mapper_tag *tags,
+static int map_place(const char *program, const struct map_arguments *arguments, const struct mapper_tag *tags,
                      int32_t tag_count)
 {
     struct source *source = NULL;
@@ -291,27 +290,27 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     struct sweep_pictures pictures = {.count = 0};
     struct mapper_report report = {0};
     struct mapper_options wanted = mapper_default_options();
-    const char *file = a->into ? a->into : a->out;
+    const char *file = arguments->into ? arguments->into : arguments->out;
     struct sweep_trouble trouble = {0};
     int64_t last_ns = 0; // when on_step last said something
     wanted.on_step = on_step;
     wanted.self = &last_ns;
-    if (a->decimate > 0)
-        wanted.quad_decimate = a->decimate;
-    wanted.prior = a->into ? &before : NULL;
-    enum status status = a->into ? recording_check_change(a->into) : OK;
-    if (status == OK && a->into)
-        status = read_place(a->into, &before);
+    if (arguments->decimate > 0)
+        wanted.quad_decimate = arguments->decimate;
+    wanted.prior = arguments->into ? &before : NULL;
+    enum status status = arguments->into ? recording_check_change(arguments->into) : OK;
+    if (status == OK && arguments->into)
+        status = read_place(arguments->into, &before);
     if (status == OK)
-        status =
-            a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR) : source_open(&source, a->camera, SOURCE_CAMERA);
+        status = arguments->sensor ? source_open(&source, arguments->sensor, SOURCE_SENSOR)
+                                   : source_open(&source, arguments->camera, SOURCE_CAMERA);
     wanted.plan = source && source_is_live(source); // then hints are of use
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
     if (status == OK) {
         command_catch_signals();
         sweep_pictures_start(&pictures, source_calibration(source));
-        status = feed_mapper(source, mapper, a, &pictures, &trouble);
+        status = feed_mapper(source, mapper, arguments, &pictures, &trouble);
     }
     bool live = source && source_is_live(source);
     if (status == OK && !live)
@@ -324,21 +323,22 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (status == OK && !live && command_stopped())
         status = NOTHING;
     if (status == OK)
-        status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
-    const struct objects_arguments things = {.objects = a->objects, .into = file, .knowledge = a->knowledge};
+        status = arguments->into ? rewrite_place(arguments->into, &place) : write_place(arguments->out, &place);
+    const struct objects_arguments things = {
+        .objects = arguments->objects, .into = file, .knowledge = arguments->knowledge};
     const struct objects_sweep sweep = {&before, &pictures, mapper};
     struct objects_found found = {0};
-    if (status == OK && a->objects)
+    if (status == OK && arguments->objects)
         status = objects_in_sweep(&things, &sweep, &found);
     if (status == OK) {
         struct map_advice advice;
         map_advise(&place, &report, &trouble, &advice);
-        warn(program, &advice);
-        if (a->json)
+        print_warnings(program, &advice);
+        if (arguments->json)
             status = print_json(file, &before, &place, &report, trouble.damaged);
         else
             print_text(file, &before, &place, &report);
-        if (a->objects && !a->json)
+        if (arguments->objects && !arguments->json)
             print_things(&found);
     }
     mapper_close(&mapper);
@@ -346,7 +346,8 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     place_free(&place);
     place_free(&before);
     if (status == NOTHING) {
-        fprintf(stderr, "%s: stopped; %s\n", program, a->into ? "the file stays as it was" : "no file was made");
+        fprintf(stderr, "%s: stopped; %s\n", program,
+                arguments->into ? "the file stays as it was" : "no file was made");
         return 1;
     }
     if (status != OK)
@@ -359,7 +360,7 @@ int capture_map(int argc, char **argv)
     struct map_arguments a = {0};
     const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "(--sensor URI [--tags TAGS.json] | --camera URI --tags TAGS.json) (--out FILE | --into FILE)",
         "Film the empty place: where its tags hang, where its landmarks are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "

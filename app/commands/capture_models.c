@@ -1,6 +1,5 @@
 // reenact-capture models: the pre-trained networks for body points, which no package of ours holds.
 #include "app/commands/commands.h"
-
 #include "platform/files/installed.h"
 
 #include <errno.h>
@@ -10,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     bool *fetch = state->input;
     switch (key) {
@@ -46,7 +45,7 @@ int capture_models(int argc, char **argv)
     };
     static const struct argp argp = {
         .options = options,
-        .parser = parse,
+        .parser = parse_option,
         .doc = "Says whether the networks are there that find body points in colour images, and where they lie."
                "\vThey are MediaPipe's (Apache-2.0), from its npm package: npm, curl or wget fetches 10 MB. Only files "
                "with the known checksums are kept. Without them, depth alone decides."};

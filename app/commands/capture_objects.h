@@ -1,7 +1,7 @@
 // The work of reenact-capture objects. Main thread.
 #pragma once
-#include "objects/thing_map.h"
 #include "capture/mapping/mapper.h"
+#include "objects/thing_map.h"
 #include "objects/thing_search.h"
 
 // ---------------------------------------------------------------- objects run

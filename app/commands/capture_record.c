@@ -1,8 +1,7 @@
 // reenact-capture record: records a take of the actor.
 #include "app/commands/commands.h"
-
-#include "app/commands/take_summary.h"
 #include "app/commands/place_input.h"
+#include "app/commands/take_summary.h"
 #include "capture/recorder.h"
 #include "capture/take_verdict.h"
 #include "platform/files/file.h"
@@ -18,7 +17,7 @@ struct record_arguments {
 
 enum { KEY_FOR = COMMAND_KEY + 6 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct record_arguments *given = state->input;
     switch (key) {
@@ -53,7 +52,7 @@ struct record_work {
 
 static const double SHORT_MINUTES = 10; // from here on the disk's room is worth the line
 
-static void step(void *context)
+static void update_progress(void *context)
 {
     struct record_work *w = context;
     char *note = w->progress.note;
@@ -69,12 +68,15 @@ static void step(void *context)
     progress_bar_step(&w->progress);
 }
 
-static void see(void *context, const struct recorder_seen *seen)
+static void update_coaching(void *context, const struct recorder_seen *seen)
 {
     coaching_line_see(&((struct record_work *)context)->coaching, seen);
 }
 
-static void keep_state(void *context, const struct recorder_state *s) { ((struct record_work *)context)->state = *s; }
+static void keep_state(void *context, const struct recorder_state *state)
+{
+    ((struct record_work *)context)->state = *state;
+}
 
 static void start_smoothing(void *context, int64_t frames)
 {
@@ -85,46 +87,46 @@ static void start_smoothing(void *context, int64_t frames)
     progress_bar_start(&w->progress, "smoothing", frames);
 }
 
-static void report_verdict(const struct take_verdict *v)
+static void report_verdict(const struct take_verdict *verdict)
 {
-    printf("verdict: %s\n", verdict_headline(v));
-    for (int i = 0; i < v->count; i++)
-        if (verdict_shows_line(v, i))
-            printf("         %s\n", v->line[i].text);
+    printf("verdict: %s\n", verdict_headline(verdict));
+    for (int i = 0; i < verdict->count; i++)
+        if (verdict_shows_line(verdict, i))
+            printf("         %s\n", verdict->line[i].text);
 }
 
-static enum status report(const struct record_arguments *given, const struct recorder_result *r,
-                          const struct take_verdict *verdict)
+static enum status report_take(const struct record_arguments *given, const struct recorder_result *result,
+                               const struct take_verdict *verdict)
 {
     if (given->json) {
         struct json *root = json_new_object();
         json_add_string(root, "take", given->take);
-        json_add_number(root, "frames", (double)r->frames);
-        json_add_number(root, "tracked", (double)r->tracked);
-        json_add_number(root, "body_points_looked", (double)r->looked);
-        json_add_number(root, "dropped", (double)r->dropped);
-        json_add_number(root, "damaged", (double)r->damaged);
-        json_add_bool(root, "located", r->located);
-        json_add_bool(root, "mirrored", r->mirrored);
-        json_add_number(root, "sensor_moves", r->sensor_moves);
-        json_add_number(root, "tags_moved", r->tags_moved);
-        json_add_number(root, "mean_ms", r->mean_ms);
-        json_add_number(root, "slowest_ms", r->slowest_ms);
-        json_add_number(root, "smoothing_ms", r->smoothing_ms);
-        json_add_number(root, "waiting_most", r->waiting_most);
-        json_add_number(root, "handover_ms", r->handover_ms);
-        json_add_number(root, "mb_per_s", r->mb_per_s);
+        json_add_number(root, "frames", (double)result->frames);
+        json_add_number(root, "tracked", (double)result->tracked);
+        json_add_number(root, "body_points_looked", (double)result->looked);
+        json_add_number(root, "dropped", (double)result->dropped);
+        json_add_number(root, "damaged", (double)result->damaged);
+        json_add_bool(root, "located", result->located);
+        json_add_bool(root, "mirrored", result->mirrored);
+        json_add_number(root, "sensor_moves", result->sensor_moves);
+        json_add_number(root, "tags_moved", result->tags_moved);
+        json_add_number(root, "mean_ms", result->mean_ms);
+        json_add_number(root, "slowest_ms", result->slowest_ms);
+        json_add_number(root, "smoothing_ms", result->smoothing_ms);
+        json_add_number(root, "waiting_max", result->waiting_max);
+        json_add_number(root, "handover_ms", result->handover_ms);
+        json_add_number(root, "mb_per_s", result->mb_per_s);
         verdict_add_json(root, verdict);
         return command_print_json(&root);
     }
-    printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
-           (long long)r->tracked, (long long)r->dropped);
-    if (r->mb_per_s > 0)
-        printf("%.1f MB a second of film\n", r->mb_per_s);
-    if (r->smoothing_ms <= 0 && r->tracked)
+    printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)result->frames,
+           (long long)result->tracked, (long long)result->dropped);
+    if (result->mb_per_s > 0)
+        printf("%.1f MB a second of film\n", result->mb_per_s);
+    if (result->smoothing_ms <= 0 && result->tracked)
         printf("the joints were not smoothed: they are the online estimates\n");
-    if (r->sensor_moves)
-        printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
+    if (result->sensor_moves)
+        printf("the sensor was moved %d times; keep it on a stand\n", result->sensor_moves);
     report_verdict(verdict);
     return OK;
 }
@@ -149,31 +151,31 @@ static void count_in_file(const char *path, const char *name, struct recorder_re
 }
 
 // What did not go well but is no reason to fail.
-static void warn(const char *program, bool has_place, const struct recorder_result *r,
-                 const struct take_verdict *verdict)
+static void print_warnings(const char *program, bool has_place, const struct recorder_result *result,
+                           const struct take_verdict *verdict)
 {
-    if (r->damaged)
+    if (result->damaged)
         fprintf(stderr, "%s: %lld pictures could not be read and were left out; the first: %s\n", program,
-                (long long)r->damaged, r->first_damage);
-    if (*r->no_body_points)
+                (long long)result->damaged, result->first_damage);
+    if (*result->no_body_points)
         fprintf(stderr, "%s: tracked from depth alone, without body points from colour: %s\n", program,
-                r->no_body_points);
-    if (r->mirrored)
+                result->no_body_points);
+    if (result->mirrored)
         fprintf(stderr,
                 "%s: the pictures are mirrored, so that none of the place's tags is recognised: switch the sensor's "
                 "mirror off and film again\n",
                 program);
-    else if (has_place && !r->located)
+    else if (has_place && !result->located)
         fprintf(stderr, "%s: the sensor recognised nothing of the place, so it is unknown where the actor stood\n",
                 program);
-    command_warn_moved_tags(program, r->tags_moved, r->first_moved);
-    if (r->frames && !r->tracked) // the verdict's first line says why, where that can be told
+    command_warn_moved_tags(program, result->tags_moved, result->first_moved);
+    if (result->frames && !result->tracked) // the verdict's first line says why, where that can be told
         fprintf(stderr, "%s: no person was found in any frame%s%s\n", program, verdict->count ? ": " : "",
                 verdict->count ? verdict->line[0].text : "");
 }
 
-static enum status record(const struct record_arguments *given, struct place *place, struct recorder_result *result,
-                          struct take_verdict *verdict)
+static enum status record_take(const struct record_arguments *given, struct place *place,
+                               struct recorder_result *result, struct take_verdict *verdict)
 {
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
@@ -191,11 +193,11 @@ static enum status record(const struct record_arguments *given, struct place *pl
         status = given->into ? recording_append(&writer, given->into) : recording_create(&writer, given->out);
     if (status == OK) {
         struct recorder_options options = {.should_stop = command_stopped,
-                                           .on_frame = step,
+                                           .on_frame = update_progress,
                                            .on_state = keep_state,
                                            .on_smoothing_begin = start_smoothing,
-                                           .on_smoothed = step,
-                                           .on_seen = see,
+                                           .on_smoothed = update_progress,
+                                           .on_seen = update_coaching,
                                            .context = &work,
                                            .body_points = !given->no_body_points};
         command_catch_signals();
@@ -251,20 +253,22 @@ int capture_record(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {
-        options, parse, NULL, "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.",
-        0,       0,     0};
+        options, parse_option,
+        NULL,    "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.",
+        0,       0,
+        0};
     struct record_arguments given = {0};
     command_parse(&argp, argc, argv, &given);
     struct place place = {0};
     struct recorder_result result = {0};
     struct take_verdict verdict = {0};
-    enum status status = record(&given, &place, &result, &verdict);
+    enum status status = record_take(&given, &place, &result, &verdict);
     bool has_place = place.tag_count > 0 || place.point_count > 0;
     place_free(&place);
     struct failure filmed;
     failure_keep(&filmed, status);
     if (result.frames)
-        status = report(&given, &result, &verdict);
+        status = report_take(&given, &result, &verdict);
     if (filmed.status != OK)
         status = failure_restore(&filmed);
     if (status == OK && !result.frames)
@@ -273,6 +277,6 @@ int capture_record(int argc, char **argv)
     if (status == OK && result.smoothing_out_of_memory)
         status = fail(ERR_MEMORY, "no memory to smooth the joints of take '%s', which is whole otherwise", given.take);
     if (status == OK)
-        warn(argv[0], has_place, &result, &verdict);
+        print_warnings(argv[0], has_place, &result, &verdict);
     return status == OK ? 0 : command_failed(argv[0]);
 }

@@ -1,6 +1,5 @@
 // reenact-capture repair FILE: saves what can be read of a damaged recording.
 #include "app/commands/commands.h"
-
 #include "app/commands/recording_report.h"
 #include "base/text.h"
 #include "capture/take_verdict.h"
@@ -14,7 +13,7 @@ struct repair_arguments {
     bool json;
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct repair_arguments *a = state->input;
     switch (key) {
@@ -36,22 +35,22 @@ static enum status choose_name(const char *file, char out[FILE_PATH_BYTES])
     return OK;
 }
 
-static void print_report(const char *file, const char *out, enum status status, const struct recording_report *r)
+static void print_report(const char *file, const char *out, enum status status, const struct recording_report *report)
 {
     char shown[TEXT_SHOWN_BYTES];
     if (status == NOTHING) {
         printf("%s is sound: nothing to repair%s\n", text_shown(file, shown),
-               r->interrupted_takes ? "; a take that was interrupted can be used as it is" : "");
+               report->interrupted_takes ? "; a take that was interrupted can be used as it is" : "");
         return;
     }
-    printf("%s: %d takes (%d interrupted or not whole), %lld frames, %.1f MB\n", text_shown(out, shown), r->takes,
-           r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
-    printf("lost: %lld frames, images of %lld more, %d takes, ", (long long)r->lost_frames,
-           (long long)r->damaged_frames, r->lost_takes);
-    recording_report_print_rest(r);
+    printf("%s: %d takes (%d interrupted or not whole), %lld frames, %.1f MB\n", text_shown(out, shown), report->takes,
+           report->interrupted_takes, (long long)report->frames, (double)report->bytes / 1e6);
+    printf("lost: %lld frames, images of %lld more, %d takes, ", (long long)report->lost_frames,
+           (long long)report->damaged_frames, report->lost_takes);
+    recording_report_print_rest(report);
     printf("; %s is as it was\n", text_shown(file, shown));
-    for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
-        printf("  found: %s\n", r->finding[i]);
+    for (int i = 0; i < report->findings && i < RECORDING_FINDINGS_MAX; i++)
+        printf("  found: %s\n", report->finding[i]);
 }
 
 int capture_repair(int argc, char **argv)
@@ -62,7 +61,7 @@ int capture_repair(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {options,
-                                     parse,
+                                     parse_option,
                                      "FILE",
                                      "Saves what can be read of a damaged recording into a new one and says what is "
                                      "lost. FILE is only read.",

@@ -1,12 +1,11 @@
 // reenact-capture studio: filming in a window, with coaching.
 #include "app/commands/commands.h"
-
 #include "app/studio/studio.h"
 #include "base/clamp.h"
 #include "base/clock.h"
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/screen/window.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 
@@ -32,7 +31,7 @@ enum {
     KEY_FOR
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct studio_arguments *a = state->input;
     switch (key) {
@@ -63,61 +62,61 @@ struct studio_run {
     bool played;
 };
 
-static void wake(void *self) { window_wake(((struct studio_run *)self)->window); }
+static void wake_window(void *self) { window_wake(((struct studio_run *)self)->window); }
 
 // What was pressed while another page was on the screen was not meant for this one.
-static void drop_older_input(struct studio_run *r)
+static void drop_older_input(struct studio_run *run)
 {
-    struct input_map *input = r->studio.playing ? &r->studio.viewer.input : &r->studio.input;
-    if (input->shown_page != r->page_shown || r->studio.playing != r->played) {
-        window_drop_input(r->window);
+    struct input_map *input = run->studio.playing ? &run->studio.viewer.input : &run->studio.input;
+    if (input->shown_page != run->page_shown || run->studio.playing != run->played) {
+        window_drop_input(run->window);
         input_map_forget(input);
     }
-    r->page_shown = input->shown_page;
-    r->played = r->studio.playing;
+    run->page_shown = input->shown_page;
+    run->played = run->studio.playing;
 }
 
-static enum status draw(struct studio_run *r, double px_per_dp, int64_t now_ns)
+static enum status draw_page(struct studio_run *run, double px_per_dp, int64_t now_ns)
 {
-    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(r->window), .px_per_dp = px_per_dp};
-    window_size(r->window, &surface.width, &surface.height);
-    enum status status = studio_draw(&r->studio, &surface, now_ns);
+    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(run->window), .px_per_dp = px_per_dp};
+    window_size(run->window, &surface.width, &surface.height);
+    enum status status = studio_draw(&run->studio, &surface, now_ns);
     if (status != OK)
         return status;
-    window_present(r->window);
-    drop_older_input(r);
-    if (r->studio.playing)
-        viewer_presented(&r->studio.viewer, clock_now_ns());
+    window_present(run->window);
+    drop_older_input(run);
+    if (run->studio.playing)
+        viewer_presented(&run->studio.viewer, clock_now_ns());
     return OK;
 }
 
-static enum status loop(struct studio_run *r, int64_t until_ns)
+static enum status run_event_loop(struct studio_run *run, int64_t until_ns)
 {
     int64_t due_ns = 0;
-    while (!studio_finished(&r->studio)) {
+    while (!studio_finished(&run->studio)) {
         int width, height;
-        window_size(r->window, &width, &height);
-        const double px_per_dp = viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(r->window)),
-                                                            r->studio.state.text_size, width, height);
+        window_size(run->window, &width, &height);
+        const double px_per_dp = viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(run->window)),
+                                                            run->studio.state.text_size, width, height);
         int64_t wait_ns = due_ns - clock_now_ns();
         for (;;) {
             const int wait_ms = (int)clamp_int64(wait_ns / 1000000, 0, 100);
-            const struct window_event event = window_wait(r->window, wait_ms);
+            const struct window_event event = window_wait(run->window, wait_ms);
             wait_ns = 0;
-            if (event.kind == WINDOW_NO_EVENT || studio_event(&r->studio, &event, px_per_dp, clock_now_ns()))
+            if (event.kind == WINDOW_NO_EVENT || studio_event(&run->studio, &event, px_per_dp, clock_now_ns()))
                 break;
         }
         const int64_t now_ns = clock_now_ns();
         if ((until_ns && now_ns >= until_ns) || command_stopped())
-            studio_do(&r->studio.state, STUDIO_QUIT, now_ns);
-        due_ns = studio_update(&r->studio, now_ns);
-        window_type(r->window, studio_types(&r->studio));
-        if (!studio_changed(&r->studio))
+            studio_do(&run->studio.state, STUDIO_QUIT, now_ns);
+        due_ns = studio_update(&run->studio, now_ns);
+        window_type(run->window, studio_types(&run->studio));
+        if (!studio_changed(&run->studio))
             continue;
-        enum status status = draw(r, px_per_dp, now_ns);
+        enum status status = draw_page(run, px_per_dp, now_ns);
         if (status != OK)
             return status;
-        if (r->studio.playing)
+        if (run->studio.playing)
             due_ns = now_ns + 16000000;
     }
     return OK;
@@ -149,7 +148,7 @@ int capture_studio(int argc, char **argv)
     };
     static const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "[FILE]",
         "Films in a window, alone: what the sensor sees, what of you has been seen, what "
         "to do next, and after each take how "
@@ -185,13 +184,13 @@ int capture_studio(int argc, char **argv)
                                            .purpose = given.purpose,
                                            .body_points = true,
                                            .refresh_hz = window_refresh_hz(run.window),
-                                           .wake = wake,
+                                           .wake = wake_window,
                                            .wake_self = &run};
         command_catch_signals();
         status = studio_open(&run.studio, run.gpu, &how);
     }
     if (status == OK)
-        status = loop(&run, given.seconds > 0 ? clock_now_ns() + (int64_t)(given.seconds * 1e9) : 0);
+        status = run_event_loop(&run, given.seconds > 0 ? clock_now_ns() + (int64_t)(given.seconds * 1e9) : 0);
     studio_close(&run.studio);
     gpu_close(&run.gpu);
     window_close(&run.window);

@@ -1,6 +1,5 @@
 // reenact-capture tags: tags to print, and the list of them that `map` reads.
 #include "app/commands/commands.h"
-
 #include "capture/calibration/printed_tags.h"
 #include "platform/files/file.h"
 #include "platform/vision/tag_detector.h"
@@ -18,7 +17,7 @@ struct tags_arguments {
     bool force;
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct tags_arguments *a = state->input;
     switch (key) {
@@ -80,18 +79,18 @@ static enum status list_path(const char *pdf, char *out, size_t capacity)
     return OK;
 }
 
-static enum status write_all(const struct printed_tags *wanted, const struct tags_arguments *a)
+static enum status write_all(const struct printed_tags *wanted, const struct tags_arguments *arguments)
 {
     struct page *page;
     char *text = NULL, list[1024];
     const struct paper_size size = paper_size(wanted->paper);
-    enum status status = list_path(a->out, list, sizeof list);
+    enum status status = list_path(arguments->out, list, sizeof list);
     if (status == OK)
-        status = file_check_output(a->out, a->force);
+        status = file_check_output(arguments->out, arguments->force);
     if (status == OK)
-        status = file_check_output(list, a->force);
+        status = file_check_output(list, arguments->force);
     if (status == OK)
-        status = page_open(&page, a->out, size.width_mm, size.height_mm, 0);
+        status = page_open(&page, arguments->out, size.width_mm, size.height_mm, 0);
     if (status != OK)
         return status;
     status = printed_tags_draw(wanted, page);
@@ -104,7 +103,7 @@ static enum status write_all(const struct printed_tags *wanted, const struct tag
         status = file_write(list, text, strlen(text));
     free(text);
     if (status == OK)
-        printf("%s: %d tags of %g mm on %d pages; %s lists them for map --tags\n", a->out, wanted->count,
+        printf("%s: %d tags of %g mm on %d pages; %s lists them for map --tags\n", arguments->out, wanted->count,
                wanted->side_m * 1e3, printed_tags_pages(wanted), list);
     return status;
 }
@@ -121,7 +120,7 @@ int capture_tags(int argc, char **argv)
     };
     static const struct argp argp = {
         options,
-        parse,
+        parse_option,
         NULL,
         "Tags to print, and the list of them for map.\vPrint at 100 %, check the ruler at the foot of a page, cut at "
         "the marks (the white margin belongs to the tag) and hang the tags flat. A tag larger than the page comes in "

@@ -1,10 +1,9 @@
 // reenact-capture take: renames, deletes, trims and copies takes, and keeps notes on them.
 #include "app/commands/commands.h"
-
 #include "base/text.h"
-#include "recording/recording.h"
 #include "capture/take_verdict.h"
 #include "platform/files/file.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -19,7 +18,7 @@ struct take_arguments {
 
 enum { KEY_TAKE = COMMAND_KEY, KEY_NAME, KEY_INTO, KEY_NOTE, KEY_ALIAS, KEY_FROM, KEY_TO, KEY_YES };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct take_arguments *a = state->input;
     switch (key) {
@@ -54,26 +53,26 @@ static error_t parse(int key, char *value, struct argp_state *state)
 
 // ------------------------------------------------------------- asking first
 
-static bool has_take(const struct take_arguments *a)
+static bool has_take(const struct take_arguments *arguments)
 {
     struct recording *r;
     bool has = false;
-    if (recording_open(&r, a->file) != OK)
+    if (recording_open(&r, arguments->file) != OK)
         return false;
     for (int i = 0; i < recording_take_count(r); i++)
-        has |= !strcmp(recording_take_name(r, i), a->take);
+        has |= !strcmp(recording_take_name(r, i), arguments->take);
     recording_free(&r);
     return has;
 }
 
 // Asked on a terminal only: a script cannot answer. What is not there is not asked for; the action says so.
-static bool is_meant(const struct take_arguments *a, const char *what, const char *images)
+static bool is_meant(const struct take_arguments *arguments, const char *what, const char *images)
 {
     char take[TEXT_SHOWN_BYTES], file[TEXT_SHOWN_BYTES], answer[8] = "";
-    if (a->yes || !isatty(STDIN_FILENO) || !isatty(STDERR_FILENO) || !has_take(a))
+    if (arguments->yes || !isatty(STDIN_FILENO) || !isatty(STDERR_FILENO) || !has_take(arguments))
         return true;
     fprintf(stderr, "%s take '%s' of %s? %s overwritten and cannot be brought back. [y/N] ", what,
-            text_shown(a->take, take), text_shown(a->file, file), images);
+            text_shown(arguments->take, take), text_shown(arguments->file, file), images);
     if (!fgets(answer, sizeof answer, stdin))
         fputc('\n', stderr);
     return !strcasecmp(answer, "y\n") || !strcasecmp(answer, "yes\n");
@@ -81,22 +80,22 @@ static bool is_meant(const struct take_arguments *a, const char *what, const cha
 
 // ------------------------------------------------------------- the actions
 
-static enum status rename_take(const struct take_arguments *a)
+static enum status rename_take(const struct take_arguments *arguments)
 {
-    enum status status = recording_rename_take(a->file, a->take, a->name);
+    enum status status = recording_rename_take(arguments->file, arguments->take, arguments->name);
     if (status == OK)
-        printf("take '%s' is now '%s'\n", a->take, a->name);
+        printf("take '%s' is now '%s'\n", arguments->take, arguments->name);
     return status;
 }
 
-static enum status delete_take(const struct take_arguments *a)
+static enum status delete_take(const struct take_arguments *arguments)
 {
     int64_t freed;
-    if (!is_meant(a, "Delete", "Its images are"))
+    if (!is_meant(arguments, "Delete", "Its images are"))
         return NOTHING;
-    enum status status = recording_delete_take(a->file, a->take, &freed);
+    enum status status = recording_delete_take(arguments->file, arguments->take, &freed);
     if (status == OK)
-        printf("take '%s' is deleted, its bytes are overwritten; %.1f MB are free again\n", a->take,
+        printf("take '%s' is deleted, its bytes are overwritten; %.1f MB are free again\n", arguments->take,
                (double)freed / 1e6);
     return status;
 }
@@ -112,48 +111,49 @@ static enum status judge_anew(const char *file, const char *take, const struct t
     return status;
 }
 
-static enum status trim_take(const struct take_arguments *a)
+static enum status trim_take(const struct take_arguments *arguments)
 {
     int64_t freed;
-    if (!is_meant(a, "Trim", "The images that are cut off are"))
+    if (!is_meant(arguments, "Trim", "The images that are cut off are"))
         return NOTHING;
-    enum status status = recording_trim_take(a->file, a->take, (int64_t)(a->from_s * 1e9),
-                                             a->has_to ? (int64_t)(a->to_s * 1e9) : INT64_MAX, &freed);
+    enum status status = recording_trim_take(arguments->file, arguments->take, (int64_t)(arguments->from_s * 1e9),
+                                             arguments->has_to ? (int64_t)(arguments->to_s * 1e9) : INT64_MAX, &freed);
     if (status == OK)
-        printf("take '%s' is trimmed, the other frames' bytes are overwritten; %.1f MB are free again\n", a->take,
-               (double)freed / 1e6);
-    return status == OK ? judge_anew(a->file, a->take, NULL) : status;
+        printf("take '%s' is trimmed, the other frames' bytes are overwritten; %.1f MB are free again\n",
+               arguments->take, (double)freed / 1e6);
+    return status == OK ? judge_anew(arguments->file, arguments->take, NULL) : status;
 }
 
 // Damage is no reason not to copy the rest, but one to say what it cost.
-static void warn_of_lost(const struct take_copy_report *r)
+static void warn_of_lost(const struct take_copy_report *report)
 {
     const struct {
         int64_t count;
         const char *what;
-    } lost[] = {{r->lost_frames, "frames of the take"},
-                {r->damaged_frames, "frames' images"},
-                {r->lost_covariances, "frames' covariances of the joints"},
-                {r->lost_views, "views of the place"},
-                {r->lost_things, "things in the place or their pictures"}};
+    } lost[] = {{report->lost_frames, "frames of the take"},
+                {report->damaged_frames, "frames' images"},
+                {report->lost_covariances, "frames' covariances of the joints"},
+                {report->lost_views, "views of the place"},
+                {report->lost_things, "things in the place or their pictures"}};
     for (size_t i = 0; i < COUNT_OF(lost); i++)
         if (lost[i].count)
             fprintf(stderr, "reenact-capture take: warning: %lld %s are lost to damage\n", (long long)lost[i].count,
                     lost[i].what);
-    if (r->lost_map_covariances)
+    if (report->lost_map_covariances)
         fputs("reenact-capture take: warning: covariances or viewing directions of the place are lost to damage\n",
               stderr);
 }
 
-static enum status copy_take(const struct take_arguments *a)
+static enum status copy_take(const struct take_arguments *arguments)
 {
     struct take_copy_report report;
-    const char *to = a->into ? a->into : a->file, *name = a->name ? a->name : a->take;
+    const char *to = arguments->into ? arguments->into : arguments->file,
+               *name = arguments->name ? arguments->name : arguments->take;
     enum status status = file_exists(to) ? OK : recording_check_new(to);
     if (status == OK)
-        status = recording_copy_take(a->file, a->take, to, name, &report);
+        status = recording_copy_take(arguments->file, arguments->take, to, name, &report);
     if (status == OK) {
-        printf("%s: take '%s' is a copy of '%s'%s\n", to, name, a->take,
+        printf("%s: take '%s' is a copy of '%s'%s\n", to, name, arguments->take,
                report.place_differs ? "; the place there is another one, so the copy does not know where it was filmed"
                                     : "");
         warn_of_lost(&report);
@@ -161,9 +161,9 @@ static enum status copy_take(const struct take_arguments *a)
     return status;
 }
 
-static enum status annotate_take(const struct take_arguments *a)
+static enum status annotate_take(const struct take_arguments *arguments)
 {
-    return recording_annotate_take(a->file, a->take, a->note, a->alias);
+    return recording_annotate_take(arguments->file, arguments->take, arguments->note, arguments->alias);
 }
 
 // NOTHING: the user thought better of it.
@@ -176,15 +176,15 @@ static const struct action {
                {"copy", copy_take},
                {"note", annotate_take}};
 
-static const char *wrong_usage(const struct take_arguments *a)
+static const char *wrong_usage(const struct take_arguments *arguments)
 {
-    if (!strcmp(a->action, "rename") && !a->name)
+    if (!strcmp(arguments->action, "rename") && !arguments->name)
         return "--name NEW is needed";
-    if (!strcmp(a->action, "trim") && !a->has_from && !a->has_to)
+    if (!strcmp(arguments->action, "trim") && !arguments->has_from && !arguments->has_to)
         return "--from S, --to S or both are needed";
-    if (!strcmp(a->action, "copy") && !a->into && !a->name)
+    if (!strcmp(arguments->action, "copy") && !arguments->into && !arguments->name)
         return "--into FILE, --name NEW or both are needed";
-    if (!strcmp(a->action, "note") && !a->note && !a->alias)
+    if (!strcmp(arguments->action, "note") && !arguments->note && !arguments->alias)
         return "--note TEXT, --alias NAME or both are needed";
     return NULL;
 }
@@ -204,7 +204,7 @@ int capture_take(int argc, char **argv)
     };
     static const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "rename|delete|trim|copy|note FILE",
         "Changes the takes of a recording.\v"
         "Each is done whole or not at all, but for a copy into a file that was there: where that breaks off, the take "

@@ -1,29 +1,29 @@
 // reenact-capture verify FILE: reads every byte of a recording.
 #include "app/commands/commands.h"
-
 #include "app/commands/recording_report.h"
 #include "base/text.h"
 
 #include <stdio.h>
 
-static enum status print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
+static enum status print_report(const struct file_arguments *arguments, enum status status,
+                                const struct recording_report *report)
 {
     char shown[TEXT_SHOWN_BYTES];
-    if (a->json) {
-        return recording_report_print_json(a->path, status, r);
+    if (arguments->json) {
+        return recording_report_print_json(arguments->path, status, report);
     } else if (status == OK) {
-        printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", text_shown(a->path, shown), r->takes,
-               r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
-    } else if (r->findings) {
+        printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", text_shown(arguments->path, shown),
+               report->takes, report->interrupted_takes, (long long)report->frames, (double)report->bytes / 1e6);
+    } else if (report->findings) {
         printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; ",
-               text_shown(a->path, shown), (long long)r->lost_frames, (long long)r->damaged_frames,
-               (long long)r->frames);
-        recording_report_print_rest(r);
+               text_shown(arguments->path, shown), (long long)report->lost_frames, (long long)report->damaged_frames,
+               (long long)report->frames);
+        recording_report_print_rest(report);
         putchar('\n');
-        for (int i = 1; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
-            printf("  %s\n", r->finding[i]); // the first goes to stderr
-        if (r->findings > RECORDING_FINDINGS_MAX)
-            printf("  and %d more\n", r->findings - RECORDING_FINDINGS_MAX);
+        for (int i = 1; i < report->findings && i < RECORDING_FINDINGS_MAX; i++)
+            printf("  %s\n", report->finding[i]); // the first goes to stderr
+        if (report->findings > RECORDING_FINDINGS_MAX)
+            printf("  and %d more\n", report->findings - RECORDING_FINDINGS_MAX);
     }
     return OK;
 }

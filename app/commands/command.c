@@ -48,32 +48,33 @@ enum status source_frames_end(const struct source_frames *s)
 
 // ---------------------------------------------------------------- picture count
 
-static int64_t picture_count_all(const struct picture_count *c)
+static int64_t picture_count_all(const struct picture_count *count)
 {
-    return c->placed + c->ambiguous + c->not_placed + c->unreadable;
+    return count->placed + count->ambiguous + count->not_placed + count->unreadable;
 }
 
-bool picture_count_is_few(const struct picture_count *c)
+bool picture_count_is_few(const struct picture_count *count)
 {
-    return 2 * c->placed < c->placed + c->ambiguous + c->not_placed;
+    return 2 * count->placed < count->placed + count->ambiguous + count->not_placed;
 }
 
-void picture_count_add(struct picture_count *c, enum status found)
+void picture_count_add(struct picture_count *count, enum status found)
 {
-    c->placed += found == OK;
-    c->ambiguous += found == AMBIGUOUS;
-    c->not_placed += found != OK && found != AMBIGUOUS;
+    count->placed += found == OK;
+    count->ambiguous += found == AMBIGUOUS;
+    count->not_placed += found != OK && found != AMBIGUOUS;
 }
 
-const char *picture_count_text(const struct picture_count *c, char out[PICTURE_COUNT_BYTES])
+const char *picture_count_text(const struct picture_count *picture_count, char out[PICTURE_COUNT_BYTES])
 {
     const struct {
         int64_t count;
         const char *what;
-    } others[] = {
-        {c->ambiguous, "ambiguous"}, {c->not_placed, "not placed"}, {c->unreadable, "unreadable or of another size"}};
-    const long long all = picture_count_all(c);
-    snprintf(out, PICTURE_COUNT_BYTES, "%lld of %lld pictures placed", (long long)c->placed, all);
+    } others[] = {{picture_count->ambiguous, "ambiguous"},
+                  {picture_count->not_placed, "not placed"},
+                  {picture_count->unreadable, "unreadable or of another size"}};
+    const long long all = picture_count_all(picture_count);
+    snprintf(out, PICTURE_COUNT_BYTES, "%lld of %lld pictures placed", (long long)picture_count->placed, all);
     for (size_t k = 0; k < COUNT_OF(others); k++)
         if (others[k].count) {
             const size_t used = strlen(out);
@@ -82,13 +83,13 @@ const char *picture_count_text(const struct picture_count *c, char out[PICTURE_C
     return out;
 }
 
-void picture_count_add_json(struct json *object, const struct picture_count *c)
+void picture_count_add_json(struct json *object, const struct picture_count *count)
 {
-    json_add_number(object, "pictures", (double)picture_count_all(c));
-    json_add_number(object, "placed", (double)c->placed);
-    json_add_number(object, "ambiguous", (double)c->ambiguous);
-    json_add_number(object, "not_placed", (double)c->not_placed);
-    json_add_number(object, "damaged", (double)c->unreadable);
+    json_add_number(object, "pictures", (double)picture_count_all(count));
+    json_add_number(object, "placed", (double)count->placed);
+    json_add_number(object, "ambiguous", (double)count->ambiguous);
+    json_add_number(object, "not_placed", (double)count->not_placed);
+    json_add_number(object, "damaged", (double)count->unreadable);
 }
 
 // ---------------------------------------------------------------- command main
@@ -99,7 +100,7 @@ void picture_count_add_json(struct json *object, const struct picture_count *c)
 
 // Ends the process without the exit handlers of libraries that were loaded with it: those of tracing libraries, which
 // come with libcamera, crash where memory is short. What the program has to finish, it has finished.
-static void leave(int code, void *nothing)
+static void exit_process(int code, void *nothing)
 {
     (void)nothing;
     fflush(NULL);
@@ -118,7 +119,7 @@ static void prepare_process(void)
 {
     pthread_attr_t usual;
     size_t bytes = 0;
-    on_exit(leave, NULL);
+    on_exit(exit_process, NULL);
     if (pthread_getattr_default_np(&usual))
         return;
     if (!pthread_attr_getstacksize(&usual, &bytes) && bytes < STACK_BYTES &&
@@ -143,7 +144,7 @@ static void print_commands(FILE *to, const char *about, const struct command *co
     fprintf(to, "\n%s COMMAND --help says more; --version prints the version.\n", program);
 }
 
-static int run(const struct command *command, const char *name, int argc, char **argv)
+static int run_command(const struct command *command, const char *name, int argc, char **argv)
 {
     char copy[128]; // argv[0] may be written to
     snprintf(copy, sizeof copy, "%s", name);
@@ -159,7 +160,7 @@ static int run_named(const struct command *command, const char *program, int arg
 {
     char name[128];
     snprintf(name, sizeof name, "%s %s", program, command->name);
-    return run(command, name, argc, argv);
+    return run_command(command, name, argc, argv);
 }
 
 // How many letters must be added, left out, exchanged or swapped with their neighbour to make `b` of `a` (Damerau 1964,
@@ -191,20 +192,20 @@ static int typing_errors(const char *a, const char *b)
 static const char *command_nearest(const char *word, const char *const *names, size_t count)
 {
     const char *best = NULL;
-    int least = strlen(word) < 4 ? 2 : 3; // fewer than so many errors
+    int min = strlen(word) < 4 ? 2 : 3; // fewer than so many errors
     for (size_t i = 0; i < count; i++) {
         const bool begins = strlen(word) >= 3 && !strncmp(names[i], word, strlen(word));
         const int errors = begins ? 1 : typing_errors(word, names[i]);
-        if (errors < least) {
-            least = errors;
+        if (errors < min) {
+            min = errors;
             best = names[i];
         }
     }
     return best;
 }
 
-static int unknown(const char *program, const char *what, const char *also, const char *word, const char *const *names,
-                   size_t count)
+static int report_unknown_word(const char *program, const char *what, const char *also, const char *word,
+                               const char *const *names, size_t count)
 {
     char shown[80];
     const char *meant = command_nearest(word, names, count);
@@ -220,7 +221,7 @@ static int unknown(const char *program, const char *what, const char *also, cons
 
 int command_unknown(const char *program, const char *what, const char *word, const char *const *names, size_t count)
 {
-    return unknown(program, what, "", word, names, count);
+    return report_unknown_word(program, what, "", word, names, count);
 }
 
 static int no_command(const char *program, const char *word, const struct command *commands, size_t count,
@@ -230,7 +231,7 @@ static int no_command(const char *program, const char *word, const struct comman
     count = count < COUNT_OF(names) ? count : COUNT_OF(names);
     for (size_t i = 0; i < count; i++)
         names[i] = commands[i].name;
-    return unknown(program, "command", file_too ? " and no such file" : "", word, names, count);
+    return report_unknown_word(program, "command", file_too ? " and no such file" : "", word, names, count);
 }
 
 // Whether a word was meant as a command's name rather than a file's or an option.
@@ -248,13 +249,13 @@ struct choice {
     char **argv;
 };
 
-static int choose(const struct choice *c)
+static int choose_command(const struct choice *choice)
 {
-    const struct command *const commands = c->commands, *const fallback = c->fallback;
-    const size_t count = c->count;
-    const int argc = c->argc;
-    char **const argv = c->argv;
-    const char *const about = c->about;
+    const struct command *const commands = choice->commands, *const fallback = choice->fallback;
+    const size_t count = choice->count;
+    const int argc = choice->argc;
+    char **const argv = choice->argv;
+    const char *const about = choice->about;
     const char *slash = strrchr(argv[0], '/');
     const char *program = slash ? slash + 1 : argv[0];
     const char *word = argc > 1 ? argv[1] : NULL;
@@ -278,16 +279,16 @@ static int choose(const struct choice *c)
         fflush(stdout);
     }
     if (fallback && !strcmp(word, fallback->name)) // as it stands in the list
-        return run(fallback, program, argc - 1, argv + 1);
+        return run_command(fallback, program, argc - 1, argv + 1);
     if (fallback && (help || !is_word(word)))
-        return run(fallback, program, argc, argv);
+        return run_command(fallback, program, argc, argv);
     return no_command(program, word, commands, count, fallback);
 }
 
 static void *choose_on_thread(void *self)
 {
     struct choice *c = self;
-    c->code = choose(c);
+    c->code = choose_command(c);
     return NULL;
 }
 
@@ -304,7 +305,7 @@ int command_main(const char *about, const struct command *commands, size_t count
         pthread_join(thread, NULL);
         return c.code;
     }
-    return choose(&c);
+    return choose_command(&c);
 }
 
 // ---------------------------------------------------------------- command
@@ -427,12 +428,12 @@ void command_require(const struct argp_state *state, const void *given, const ch
         argp_error(state, "%s is needed", option);
 }
 
-double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
-                            double most)
+double command_parse_number(const struct argp_state *state, const char *option, const char *value, double min,
+                            double max)
 {
     double x = 0;
-    if (!text_number(value, &x) || !(x >= least && x <= most))
-        argp_error(state, "%s takes a number from %.12g to %.12g, not '%s'", option, least, most, value);
+    if (!text_number(value, &x) || !(x >= min && x <= max))
+        argp_error(state, "%s takes a number from %.12g to %.12g, not '%s'", option, min, max, value);
     return x;
 }
 
@@ -444,16 +445,15 @@ double command_parse_text_size(const struct argp_state *state, const char *value
     return percent / 100;
 }
 
-void command_parse_size(const struct argp_state *state, const char *option, const char *value, int least, int most,
+void command_parse_size(const struct argp_state *state, const char *option, const char *value, int min, int max,
                         int size[2])
 {
     int used = 0;
     const char *cross = strchr(value, 'x');
     if (!cross || !isdigit((unsigned char)*value) || !isdigit((unsigned char)cross[1]) ||
-        sscanf(value, "%5dx%5d%n", &size[0], &size[1], &used) != 2 || value[used] || size[0] < least ||
-        size[0] > most || size[1] < least || size[1] > most)
-        argp_error(state, "%s takes a size like %dx%d, at most %dx%d, not '%s'", option, least, least, most, most,
-                   value);
+        sscanf(value, "%5dx%5d%n", &size[0], &size[1], &used) != 2 || value[used] || size[0] < min || size[0] > max ||
+        size[1] < min || size[1] > max)
+        argp_error(state, "%s takes a size like %dx%d, at most %dx%d, not '%s'", option, min, min, max, max, value);
 }
 
 double command_parse_quad_decimate(const struct argp_state *state, const char *value)
@@ -528,7 +528,7 @@ enum status command_print_json(struct json **root)
 
 static volatile sig_atomic_t stopped;
 
-static void stop(int signal)
+static void handle_stop_signal(int signal)
 {
     (void)signal;
     stopped = 1;
@@ -536,7 +536,7 @@ static void stop(int signal)
 
 void command_catch_signals(void)
 {
-    struct sigaction action = {.sa_handler = stop};
+    struct sigaction action = {.sa_handler = handle_stop_signal};
     stopped = 0;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
@@ -546,14 +546,14 @@ void command_catch_signals(void)
 bool command_stopped(void) { return stopped; }
 
 // "2 min 5 s left", from the time that what is done took; "": too early to say.
-static void time_left(const struct progress_bar *p, int64_t now_ns, char out[32])
+static void time_left(const struct progress_bar *bar, int64_t now_ns, char out[32])
 {
-    const int64_t least_ns = 2000000000;
-    const double spent_s = (double)(now_ns - p->started_ns) * 1e-9;
+    const int64_t min_ns = 2000000000;
+    const double spent_s = (double)(now_ns - bar->started_ns) * 1e-9;
     *out = 0;
-    if (p->done < 1 || p->done >= p->total || now_ns - p->started_ns < least_ns)
+    if (bar->done < 1 || bar->done >= bar->total || now_ns - bar->started_ns < min_ns)
         return;
-    const double left_s = ceil(spent_s * (double)(p->total - p->done) / (double)p->done);
+    const double left_s = ceil(spent_s * (double)(bar->total - bar->done) / (double)bar->done);
     if (left_s < 60)
         snprintf(out, 32, "%.0f s left", left_s);
     else if (left_s < 3600)
@@ -562,60 +562,60 @@ static void time_left(const struct progress_bar *p, int64_t now_ns, char out[32]
         snprintf(out, 32, "%.1f h left", left_s / 3600);
 }
 
-static void draw_progress(struct progress_bar *p, int64_t now_ns)
+static void draw_progress(struct progress_bar *bar, int64_t now_ns)
 {
     enum { WIDTH = 30 };
     char left[32];
-    if (p->total > 0) {
-        int filled = (int)(p->done * WIDTH / p->total);
-        fprintf(stderr, "\r%s [", p->what);
+    if (bar->total > 0) {
+        int filled = (int)(bar->done * WIDTH / bar->total);
+        fprintf(stderr, "\r%s [", bar->what);
         for (int i = 0; i < WIDTH; i++)
             fputc(i < filled ? '#' : '.', stderr);
-        time_left(p, now_ns, left);
-        fprintf(stderr, "] %lld/%lld %s%s%s\033[K", (long long)p->done, (long long)p->total, left,
-                *left && *p->note ? " · " : "", p->note);
+        time_left(bar, now_ns, left);
+        fprintf(stderr, "] %lld/%lld %s%s%s\033[K", (long long)bar->done, (long long)bar->total, left,
+                *left && *bar->note ? " · " : "", bar->note);
     } else {
-        fprintf(stderr, "\r%s %lld %s\033[K", p->what, (long long)p->done, p->note);
+        fprintf(stderr, "\r%s %lld %s\033[K", bar->what, (long long)bar->done, bar->note);
     }
     fflush(stderr);
 }
 
 // Not on a terminal: a line now and then, which a log can hold.
-static void print_progress(struct progress_bar *p, int64_t now_ns)
+static void print_progress(struct progress_bar *bar, int64_t now_ns)
 {
     const int64_t every_ns = 10000000000;
     char left[32] = "";
-    if (now_ns - (p->printed_ns ? p->printed_ns : p->started_ns) < every_ns)
+    if (now_ns - (bar->printed_ns ? bar->printed_ns : bar->started_ns) < every_ns)
         return;
-    p->printed_ns = now_ns;
-    if (p->total > 0)
-        time_left(p, now_ns, left);
-    fprintf(stderr, "%s: %lld", p->what, (long long)p->done);
-    if (p->total > 0)
-        fprintf(stderr, " of %lld%s%s", (long long)p->total, *left ? ", " : "", left);
+    bar->printed_ns = now_ns;
+    if (bar->total > 0)
+        time_left(bar, now_ns, left);
+    fprintf(stderr, "%s: %lld", bar->what, (long long)bar->done);
+    if (bar->total > 0)
+        fprintf(stderr, " of %lld%s%s", (long long)bar->total, *left ? ", " : "", left);
     fputc('\n', stderr);
 }
 
-void progress_bar_start(struct progress_bar *p, const char *what, int64_t total)
+void progress_bar_start(struct progress_bar *bar, const char *what, int64_t total)
 {
-    *p = (struct progress_bar){.what = what, .total = total, .started_ns = clock_now_ns()};
+    *bar = (struct progress_bar){.what = what, .total = total, .started_ns = clock_now_ns()};
 }
 
-void progress_bar_step(struct progress_bar *p)
+void progress_bar_step(struct progress_bar *bar)
 {
-    p->done++;
+    bar->done++;
     int64_t now = clock_now_ns();
     if (!isatty(STDERR_FILENO)) {
-        print_progress(p, now);
-    } else if (now - p->drawn_ns > 100000000) {
-        p->drawn_ns = now;
-        draw_progress(p, now);
+        print_progress(bar, now);
+    } else if (now - bar->drawn_ns > 100000000) {
+        bar->drawn_ns = now;
+        draw_progress(bar, now);
     }
 }
 
-void progress_bar_end(struct progress_bar *p)
+void progress_bar_end(struct progress_bar *bar)
 {
-    if (p->drawn_ns)
+    if (bar->drawn_ns)
         fprintf(stderr, "\r\033[K");
-    p->drawn_ns = 0;
+    bar->drawn_ns = 0;
 }

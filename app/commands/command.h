@@ -5,8 +5,9 @@
 // returns the exit code: 0 success, 1 the input is at fault, 2 wrong usage.
 #pragma once
 #include "base/status.h"
-#include <argp.h>
 #include "platform/sensors/source.h"
+
+#include <argp.h>
 
 struct command {
     const char *name;
@@ -74,15 +75,15 @@ void command_print_help(const struct argp *argp, const char *program);
 // A required option must have been given.
 void command_require(const struct argp_state *state, const void *given, const char *option);
 
-// The value of an option that takes a decimal number from `least` to `most`.
-double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
-                            double most);
+// The value of an option that takes a decimal number from `min` to `max`.
+double command_parse_number(const struct argp_state *state, const char *option, const char *value, double min,
+                            double max);
 
 // Of --text, percent: 1, 1.25 or 1.5.
 double command_parse_text_size(const struct argp_state *state, const char *value);
 
-// The value of an option that takes two whole numbers as in 1280x800, each from `least` to `most`.
-void command_parse_size(const struct argp_state *state, const char *option, const char *value, int least, int most,
+// The value of an option that takes two whole numbers as in 1280x800, each from `min` to `max`.
+void command_parse_size(const struct argp_state *state, const char *option, const char *value, int min, int max,
                         int size[2]);
 
 // The value of an option that takes one of `count` names, as its index.
@@ -123,9 +124,9 @@ struct progress_bar {
     int64_t started_ns, drawn_ns, printed_ns;
     char note[192]; // shown behind the bar
 };
-void progress_bar_start(struct progress_bar *p, const char *what, int64_t total);
-void progress_bar_step(struct progress_bar *p); // one more done
-void progress_bar_end(struct progress_bar *p);  // clears the line
+void progress_bar_start(struct progress_bar *bar, const char *what, int64_t total);
+void progress_bar_step(struct progress_bar *bar); // one more done
+void progress_bar_end(struct progress_bar *bar);  // clears the line
 
 // ---------------------------------------------------------------- source frames
 
@@ -160,15 +161,15 @@ struct picture_count {
 };
 
 // Fewer than half of those that could be read were placed.
-bool picture_count_is_few(const struct picture_count *c);
+bool picture_count_is_few(const struct picture_count *count);
 
 // Counts a picture by the tracker's answer: OK, AMBIGUOUS, or nothing recognised.
-void picture_count_add(struct picture_count *c, enum status found);
+void picture_count_add(struct picture_count *count, enum status found);
 
 // "7 of 14 pictures placed, 1 ambiguous, 6 unreadable or of another size"; what there is none of is left out.
 enum { PICTURE_COUNT_BYTES = 160 };
-const char *picture_count_text(const struct picture_count *c, char out[PICTURE_COUNT_BYTES]);
+const char *picture_count_text(const struct picture_count *picture_count, char out[PICTURE_COUNT_BYTES]);
 
 // "pictures", "placed", "ambiguous", "not_placed", "damaged".
 struct json;
-void picture_count_add_json(struct json *object, const struct picture_count *c);
+void picture_count_add_json(struct json *object, const struct picture_count *count);

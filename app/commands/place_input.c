@@ -18,11 +18,11 @@ enum status filmed_path_open(struct filmed_path *p, const struct place *place, c
     return status;
 }
 
-void filmed_path_close(struct filmed_path *p)
+void filmed_path_close(struct filmed_path *path)
 {
-    surroundings_close(&p->room);
-    free(p->poses);
-    *p = (struct filmed_path){0};
+    surroundings_close(&path->room);
+    free(path->poses);
+    *path = (struct filmed_path){0};
 }
 
 enum status filmed_path_draw(struct filmed_path *p, int i) { return surroundings_draw(&p->room, p->poses[i].pose); }

@@ -6,18 +6,18 @@
 
 #include <stdio.h>
 
-void recording_report_print_rest(const struct recording_report *r)
+void recording_report_print_rest(const struct recording_report *report)
 {
-    if (r->lost_covariances)
-        printf("covariances of the joints in %lld frames, ", (long long)r->lost_covariances);
-    if (r->lost_place)
+    if (report->lost_covariances)
+        printf("covariances of the joints in %lld frames, ", (long long)report->lost_covariances);
+    if (report->lost_place)
         printf("the place with its views");
     else
-        printf("%d views of the place", (int)r->lost_views);
-    if (r->lost_map_covariances)
+        printf("%d views of the place", (int)report->lost_views);
+    if (report->lost_map_covariances)
         printf(", covariances or viewing directions of its points and tags");
-    if (r->lost_things)
-        printf(", %d things in it or their pictures", r->lost_things);
+    if (report->lost_things)
+        printf(", %d things in it or their pictures", report->lost_things);
 }
 
 enum status recording_report_print_json(const char *path, enum status status, const struct recording_report *r)

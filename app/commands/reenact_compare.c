@@ -31,17 +31,18 @@ struct compare_pictures {
     uint8_t *rgba, *ground;
 };
 
-static enum status open_take(struct compare_pictures *p, const char *path, const char *name)
+static enum status open_take(struct compare_pictures *pictures, const char *path, const char *name)
 {
-    enum status status = recording_open(&p->recording, path);
+    enum status status = recording_open(&pictures->recording, path);
     if (status == OK)
-        status = take_open_drawn(&p->take, p->recording, name ? name : recording_take_name(p->recording, 0));
+        status = take_open_drawn(&pictures->take, pictures->recording,
+                                 name ? name : recording_take_name(pictures->recording, 0));
     if (status != OK)
         return status;
-    const int64_t first = take_first_sample(p->take);
+    const int64_t first = take_first_sample(pictures->take);
     if (first < 0)
         return fail(ERR_INPUT, "no person was tracked in %s", path);
-    p->first_ns = take_entry(p->take, first)->time_ns;
+    pictures->first_ns = take_entry(pictures->take, first)->time_ns;
     return OK;
 }
 
@@ -89,13 +90,13 @@ static void compare_pictures_close(struct compare_pictures **out)
     free(p);
 }
 
-static int64_t nearest(const struct compare_pictures *p, int64_t time_ns)
+static int64_t nearest_frame(const struct compare_pictures *pictures, int64_t time_ns)
 {
-    int64_t best = -1, least = INT64_MAX;
-    for (int64_t i = 0; i < take_frame_count(p->take); i++) {
-        const int64_t off = llabs(take_entry(p->take, i)->time_ns - time_ns);
-        if (off < least && take_frame_is_sample(p->take, i)) {
-            least = off;
+    int64_t best = -1, min = INT64_MAX;
+    for (int64_t i = 0; i < take_frame_count(pictures->take); i++) {
+        const int64_t off = llabs(take_entry(pictures->take, i)->time_ns - time_ns);
+        if (off < min && take_frame_is_sample(pictures->take, i)) {
+            min = off;
             best = i;
         }
     }
@@ -109,9 +110,9 @@ struct person {
     double reach_m; // of the farthest joint from the middle
 };
 
-static bool person_of(const struct compare_pictures *p, int64_t frame, struct person *out)
+static bool person_of(const struct compare_pictures *pictures, int64_t frame, struct person *out)
 {
-    const struct take_entry *entry = take_entry(p->take, frame);
+    const struct take_entry *entry = take_entry(pictures->take, frame);
     struct vec3 low = v3(1e9, 1e9, 1e9), high = v3(-1e9, -1e9, -1e9);
     for (int j = 0; j < JOINT_COUNT; j++) {
         out->known[j] = entry->skeleton.confidence[j] > 0;
@@ -146,14 +147,16 @@ static struct pose camera_before(const struct person *who, double azimuth_rad)
 }
 
 // The part's two joints in the picture.
-static void mark(const struct compare_pictures *p, const struct person *who, struct pose world_from_camera, int part,
-                 struct report_picture *out)
+static void mark_part(const struct compare_pictures *pictures, const struct person *who, struct pose world_from_camera,
+                      int part, struct report_picture *out)
 {
     if (part < 0 || !who->known[part_ends[part].from] || !who->known[part_ends[part].to])
         return;
     const struct pose camera_from_world = pose_inverse(world_from_camera);
-    const struct pixel from = lens_project(&p->lens, pose_apply(camera_from_world, who->joint[part_ends[part].from])),
-                       to = lens_project(&p->lens, pose_apply(camera_from_world, who->joint[part_ends[part].to]));
+    const struct pixel from = lens_project(&pictures->lens,
+                                           pose_apply(camera_from_world, who->joint[part_ends[part].from])),
+                       to =
+                           lens_project(&pictures->lens, pose_apply(camera_from_world, who->joint[part_ends[part].to]));
     out->marked = true;
     out->from_px[0] = from.x;
     out->from_px[1] = from.y;
@@ -163,41 +166,43 @@ static void mark(const struct compare_pictures *p, const struct person *who, str
 
 // The person `time_s` after the take's first skeleton, seen from azimuth_rad as report_moment says; part: marked, -1:
 // none. NOTHING: no person is tracked then; *out is zeroed. ERR_DEVICE, ERR_MEMORY, ERR_CORRUPT, ERR_IO.
-static enum status compare_pictures_draw(struct compare_pictures *p, double time_s, double azimuth_rad, int part,
+static enum status compare_pictures_draw(struct compare_pictures *pictures, double time_s, double azimuth_rad, int part,
                                          struct report_picture *out)
 {
     struct person who;
     *out = (struct report_picture){0};
-    const int64_t frame = nearest(p, p->first_ns + (int64_t)(time_s * 1e9));
-    if (frame < 0 || !person_of(p, frame, &who))
+    const int64_t frame = nearest_frame(pictures, pictures->first_ns + (int64_t)(time_s * 1e9));
+    if (frame < 0 || !person_of(pictures, frame, &who))
         return NOTHING;
     const struct renderer_view view = {.world_from_camera = camera_before(&who, azimuth_rad),
-                                       .time_ns = take_entry(p->take, frame)->time_ns - take_entry(p->take, 0)->time_ns,
-                                       .color = p->ground};
+                                       .time_ns = take_entry(pictures->take, frame)->time_ns -
+                                                  take_entry(pictures->take, 0)->time_ns,
+                                       .color = pictures->ground};
     struct renderer_result result;
-    enum status status = renderer_draw(p->renderer, &view, &result);
+    enum status status = renderer_draw(pictures->renderer, &view, &result);
     if (status == OK && !result.parts)
         return NOTHING;
     if (status == OK)
-        status = renderer_read_actor(p->renderer, p->rgba);
+        status = renderer_read_actor(pictures->renderer, pictures->rgba);
     if (status == OK)
-        status = png_encode(&(struct png_layout){PNG_RGBA8, WIDTH, HEIGHT}, p->rgba, 6, &out->png, &out->png_size);
+        status =
+            png_encode(&(struct png_layout){PNG_RGBA8, WIDTH, HEIGHT}, pictures->rgba, 6, &out->png, &out->png_size);
     out->width_px = WIDTH;
     out->height_px = HEIGHT;
     if (status == OK)
-        mark(p, &who, view.world_from_camera, part, out);
+        mark_part(pictures, &who, view.world_from_camera, part, out);
     return status;
 }
 
 // ---------------------------------------------------------------- reenact compare
 
-enum { MOST_ATTEMPTS = 100 };
+enum { MAX_ATTEMPTS = 100 };
 
 struct compare_arguments {
     const char *reference, *take, *html, *csv;
     struct {
         const char *path, *take;
-    } with[MOST_ATTEMPTS];
+    } with[MAX_ATTEMPTS];
     int attempts;
     bool json, force, figures;
 };
@@ -218,23 +223,23 @@ static const struct argp_option options[] = {
 };
 
 // Another attempt by `path`. Its take, if any, follows.
-static void take_attempt(struct argp_state *state, struct compare_arguments *a, const char *path)
+static void take_attempt(struct argp_state *state, struct compare_arguments *arguments, const char *path)
 {
-    if (a->attempts == MOST_ATTEMPTS)
-        argp_error(state, "at most %d attempts can be compared together", MOST_ATTEMPTS);
-    a->with[a->attempts++].path = path;
+    if (arguments->attempts == MAX_ATTEMPTS)
+        argp_error(state, "at most %d attempts can be compared together", MAX_ATTEMPTS);
+    arguments->with[arguments->attempts++].path = path;
 }
 
-static void take_take(struct argp_state *state, struct compare_arguments *a, const char *name)
+static void take_take(struct argp_state *state, struct compare_arguments *arguments, const char *name)
 {
-    if (!a->attempts)
+    if (!arguments->attempts)
         argp_error(state, "--with-take belongs to the --with before it");
-    if (a->with[a->attempts - 1].take)
-        take_attempt(state, a, a->with[a->attempts - 1].path);
-    a->with[a->attempts - 1].take = name;
+    if (arguments->with[arguments->attempts - 1].take)
+        take_attempt(state, arguments, arguments->with[arguments->attempts - 1].path);
+    arguments->with[arguments->attempts - 1].take = name;
 }
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct compare_arguments *a = state->input;
     switch (key) {
@@ -258,18 +263,18 @@ static error_t parse(int key, char *value, struct argp_state *state)
 }
 
 // Before the work, so that it is not done in vain.
-static enum status check_output(const struct compare_arguments *a, const char *path)
+static enum status check_output(const struct compare_arguments *arguments, const char *path)
 {
     if (!path)
         return OK;
-    bool compared = file_is_same(path, a->reference);
-    for (int k = 0; k < a->attempts; k++)
-        compared = compared || file_is_same(path, a->with[k].path);
+    bool compared = file_is_same(path, arguments->reference);
+    for (int k = 0; k < arguments->attempts; k++)
+        compared = compared || file_is_same(path, arguments->with[k].path);
     if (compared)
         return fail(ERR_INPUT, "%s is what is compared; give the report another name", path);
-    if (a->html && a->csv && !strcmp(a->html, a->csv))
+    if (arguments->html && arguments->csv && !strcmp(arguments->html, arguments->csv))
         return fail(ERR_INPUT, "--html and --csv both name %s", path);
-    return file_check_output(path, a->force);
+    return file_check_output(path, arguments->force);
 }
 
 static enum status write_text(const char *path, char *text)
@@ -298,65 +303,65 @@ struct compare_run {
     const struct compare_arguments *arguments;
     const char *program;
     struct progress_bar *bar;
-    struct comparison comparisons[MOST_ATTEMPTS];
-    struct report_moment moments[MOST_ATTEMPTS][REPORT_MOMENTS];
-    struct report_attempt attempts[MOST_ATTEMPTS];
+    struct comparison comparisons[MAX_ATTEMPTS];
+    struct report_moment moments[MAX_ATTEMPTS][REPORT_MOMENTS];
+    struct report_attempt attempts[MAX_ATTEMPTS];
 };
 
-static void warn(const struct compare_run *r, const char *of, const struct movement_source *s)
+static void print_warnings(const struct compare_run *run, const char *of, const struct movement_source *source)
 {
-    const char *program = r->program;
+    const char *program = run->program;
     char path[TEXT_SHOWN_BYTES];
     text_shown(of, path);
-    progress_bar_end(r->bar); // its line is needed
-    for (int k = 0; k < s->notes.count; k++)
-        fprintf(stderr, "%s: %s: %s\n", program, path, s->notes.line[k]);
-    if (s->tilt_rad > 0)
+    progress_bar_end(run->bar); // its line is needed
+    for (int k = 0; k < source->notes.count; k++)
+        fprintf(stderr, "%s: %s: %s\n", program, path, source->notes.line[k]);
+    if (source->tilt_rad > 0)
         fprintf(stderr, "%s: %s: the camera was tilted by %.0f degrees, as the person's standing says; corrected\n",
-                program, path, s->tilt_rad * 180 / 3.14159265358979323846);
-    if (s->clock_jumps)
+                program, path, source->tilt_rad * 180 / 3.14159265358979323846);
+    if (source->clock_jumps)
         fprintf(stderr, "%s: warning: %s: the clock jumps %lld times; the jumps were closed up\n", program, path,
-                (long long)s->clock_jumps);
-    if (s->frames_side_mended)
+                (long long)source->clock_jumps);
+    if (source->frames_side_mended)
         fprintf(stderr, "%s: warning: %s: left and right were confused in %lld frames; exchanged\n", program, path,
-                (long long)s->frames_side_mended);
-    if (s->frames_dropped)
+                (long long)source->frames_side_mended);
+    if (source->frames_dropped)
         fprintf(stderr, "%s: warning: %s: %lld rows or frames were left out: no number, or no later time\n", program,
-                path, (long long)s->frames_dropped);
+                path, (long long)source->frames_dropped);
 }
 
 enum { STEPS = 3 }; // of an attempt: the reference read, the attempt read, both compared
 
-static enum status compare_attempt(struct compare_run *r, int k)
+static enum status compare_attempt(struct compare_run *run, int k)
 {
-    const struct compare_arguments *a = r->arguments;
+    const struct compare_arguments *a = run->arguments;
     struct movement_source source;
     struct movement reference = {0}, attempt = {0};
     enum status status = movement_read(a->reference, a->take, &reference, &source);
-    progress_bar_step(r->bar);
+    progress_bar_step(run->bar);
     if (status == OK && !k)
-        warn(r, a->reference, &source);
+        print_warnings(run, a->reference, &source);
     if (status == OK)
         status = movement_read(a->with[k].path, a->with[k].take, &attempt, &source);
-    progress_bar_step(r->bar);
+    progress_bar_step(run->bar);
     if (status == OK) {
-        warn(r, a->with[k].path, &source);
-        status = comparison_make(&reference, &attempt, &r->comparisons[k]);
+        print_warnings(run, a->with[k].path, &source);
+        status = comparison_make(&reference, &attempt, &run->comparisons[k]);
     }
-    progress_bar_step(r->bar);
+    progress_bar_step(run->bar);
     movement_free(&reference);
     movement_free(&attempt);
     if (status == OK)
-        r->attempts[k] = (struct report_attempt){
-            &r->comparisons[k],
+        run->attempts[k] = (struct report_attempt){
+            &run->comparisons[k],
             a->attempts > 1 && !a->with[k].take ? a->with[k].path : name_of(a->with[k].path, a->with[k].take),
-            r->moments[k], report_moments(&r->comparisons[k], r->moments[k])};
+            run->moments[k], report_moments(&run->comparisons[k], run->moments[k])};
     return status;
 }
 
 // The moments of attempts first..end - 1 as pictures of this file's take, which is their own; first -1: of the
 // reference, for all of them. Where none can be made there are stick figures, and why is said once.
-static void draw_moments(struct compare_run *r, const char *path, const char *take, int first, int end)
+static void draw_moments(struct compare_run *run, const char *path, const char *take, int first, int end)
 {
     struct compare_pictures *pictures = NULL;
     char shown[TEXT_SHOWN_BYTES];
@@ -364,47 +369,47 @@ static void draw_moments(struct compare_run *r, const char *path, const char *ta
     int wanted = 0;
     first = first < 0 ? 0 : first;
     for (int k = first; k < end; k++)
-        wanted += r->attempts[k].moment_count;
+        wanted += run->attempts[k].moment_count;
     if (!wanted || is_joints_csv(path))
         return;
     enum status status = compare_pictures_open(&pictures, path, take);
     for (int k = first; k < end; k++)
-        for (int n = 0; n < r->attempts[k].moment_count && status >= OK; n++) {
-            struct report_moment *m = &r->moments[k][n];
+        for (int n = 0; n < run->attempts[k].moment_count && status >= OK; n++) {
+            struct report_moment *m = &run->moments[k][n];
             status = of_reference
                          ? compare_pictures_draw(pictures, m->reference_s, m->reference_azimuth_rad, -1, &m->reference)
                          : compare_pictures_draw(pictures, m->attempt_s, m->attempt_azimuth_rad, m->part, &m->attempt);
         }
     if (status < OK)
-        fprintf(stderr, "%s: %s: %s; the page has stick figures instead\n", r->program, text_shown(path, shown),
+        fprintf(stderr, "%s: %s: %s; the page has stick figures instead\n", run->program, text_shown(path, shown),
                 status_message());
     compare_pictures_close(&pictures);
 }
 
-static enum status write_reports(struct compare_run *r)
+static enum status write_reports(struct compare_run *run)
 {
-    const struct compare_arguments *a = r->arguments;
+    const struct compare_arguments *a = run->arguments;
     enum status status = OK;
     char shown[TEXT_SHOWN_BYTES];
     if (a->html && !a->figures) {
-        draw_moments(r, a->reference, a->take, -1, a->attempts);
+        draw_moments(run, a->reference, a->take, -1, a->attempts);
         for (int k = 0; k < a->attempts; k++)
-            draw_moments(r, a->with[k].path, a->with[k].take, k, k + 1);
+            draw_moments(run, a->with[k].path, a->with[k].take, k, k + 1);
     }
     if (a->html)
-        status = write_text(a->html, report_html(r->attempts, a->attempts, name_of(a->reference, a->take)));
+        status = write_text(a->html, report_html(run->attempts, a->attempts, name_of(a->reference, a->take)));
     if (status == OK && a->html && a->csv && file_is_same(a->html, a->csv))
         return fail(ERR_INPUT, "--csv %s is the page of --html; the page was written, the angles were not", a->csv);
     if (status == OK && a->csv)
-        status = write_text(a->csv, report_csv(&r->comparisons[0]));
+        status = write_text(a->csv, report_csv(&run->comparisons[0]));
     if (status != OK)
         return status;
     if (a->json)
-        return write_text(NULL, a->attempts == 1 ? report_json(&r->comparisons[0])
-                                                 : report_json_attempts(r->attempts, a->attempts));
+        return write_text(NULL, a->attempts == 1 ? report_json(&run->comparisons[0])
+                                                 : report_json_attempts(run->attempts, a->attempts));
     for (int k = 0; k < a->attempts && a->attempts > 1; k++)
-        printf("attempt %d, %s: %.0f\n", k + 1, text_shown(r->attempts[k].name, shown), r->comparisons[k].score);
-    return write_text(NULL, report_text(&r->comparisons[a->attempts - 1]));
+        printf("attempt %d, %s: %.0f\n", k + 1, text_shown(run->attempts[k].name, shown), run->comparisons[k].score);
+    return write_text(NULL, report_text(&run->comparisons[a->attempts - 1]));
 }
 
 int reenact_compare(int argc, char **argv)
@@ -412,7 +417,7 @@ int reenact_compare(int argc, char **argv)
     struct compare_arguments a = {0};
     const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "A --with B",
         "Compare the attempt B with the reference A: where they differ, in words and numbers. Both "
         "are recordings or joints-csv files. Of several attempts the scores are shown in their order.",

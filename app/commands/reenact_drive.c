@@ -59,173 +59,176 @@ struct drive_window {
     double last_x, last_y;
 };
 
-static double px_per_dp(const struct drive_window *w) { return viewer_px_per_dp(window_dpi(w->screen)); }
+static double px_per_dp(const struct drive_window *window) { return viewer_px_per_dp(window_dpi(window->screen)); }
 
-static int pane_at(const struct drive_window *w, double x, double y)
+static int pane_at(const struct drive_window *window, double x, double y)
 {
-    const struct ui_box map = drive_screen_box(&w->shown, w->controls.width, w->controls.height, DRIVE_MAP);
-    return w->shown.map && x >= map.x && y >= map.y ? DRIVE_MAP : DRIVE_PICTURE;
+    const struct ui_box map =
+        drive_screen_box(&window->shown, window->controls.width, window->controls.height, DRIVE_MAP);
+    return window->shown.map && x >= map.x && y >= map.y ? DRIVE_MAP : DRIVE_PICTURE;
 }
 
-static void turn_view(struct drive_window *w, int pane, double dx, double dy)
+static void turn_view(struct drive_window *window, int pane, double dx, double dy)
 {
-    struct drive_eye *eye = drive_screen_eye(&w->shown, pane);
+    struct drive_eye *eye = drive_screen_eye(&window->shown, pane);
     eye->orbit = true;
     eye->azimuth -= dx * RADIANS_PER_DP;
     eye->elevation = fmin(1.5, fmax(-0.1, eye->elevation + dy * RADIANS_PER_DP));
 }
 
-static void look_from(struct drive_window *w, enum viewpoint from)
+static void look_from(struct drive_window *window, enum viewpoint from)
 {
-    w->session->eye.viewpoint = from;
-    w->session->eye.orbit = false;
+    window->session->eye.viewpoint = from;
+    window->session->eye.orbit = false;
 }
 
-static void do_part(struct drive_window *w, enum drive_part part)
+static void do_part(struct drive_window *window, enum drive_part part)
 {
     switch (part) {
-    case PART_LEAVE: w->quit = true; return;
-    case PART_VIEWPOINT: look_from(w, (enum viewpoint)((w->session->eye.viewpoint + 1) % 3)); return;
+    case PART_LEAVE: window->quit = true; return;
+    case PART_VIEWPOINT: look_from(window, (enum viewpoint)((window->session->eye.viewpoint + 1) % 3)); return;
     case PART_MAP:
-        w->shown.map = !w->shown.map;
-        w->pointed = DRIVE_PICTURE; // until the pointer moves
-        w->down = false;
+        window->shown.map = !window->shown.map;
+        window->pointed = DRIVE_PICTURE; // until the pointer moves
+        window->down = false;
         return;
     default: return;
     }
 }
 
-static void on_key(struct drive_window *w, int key)
+static void on_key(struct drive_window *window, int key)
 {
     switch (key) {
-    case 'c': w->head.centred = false; return;
-    case 'm': do_part(w, PART_MAP); return;
-    case '1': look_from(w, VIEWPOINT_FIRST); return;
-    case '2': look_from(w, VIEWPOINT_THIRD); return;
-    case '3': look_from(w, VIEWPOINT_ABOVE); return;
+    case 'c': window->head.centred = false; return;
+    case 'm': do_part(window, PART_MAP); return;
+    case '1': look_from(window, VIEWPOINT_FIRST); return;
+    case '2': look_from(window, VIEWPOINT_THIRD); return;
+    case '3': look_from(window, VIEWPOINT_ABOVE); return;
     default: return;
     }
 }
 
-static void zoom(struct drive_eye *eye, double amount)
+static void zoom_eye(struct drive_eye *eye, double amount)
 {
     eye->distance_m = fmin(20, fmax(0.5, eye->distance_m * (1 - 0.1 * amount)));
 }
 
-static void on_pad(struct drive_window *w, const struct window_event *e)
+static void on_pad(struct drive_window *window, const struct window_event *event)
 {
-    if (e->kind == WINDOW_PAD_BUTTON && e->button == PAD_X)
-        do_part(w, PART_VIEWPOINT);
-    else if (e->kind == WINDOW_PAD_BUTTON && e->button == PAD_Y)
-        do_part(w, PART_MAP);
-    else if (e->kind == WINDOW_PAD_AXIS && (e->axis == PAD_RIGHT_X || e->axis == PAD_RIGHT_Y))
-        turn_view(w, w->shown.map ? DRIVE_MAP : DRIVE_PICTURE, e->axis == PAD_RIGHT_X ? 8 * e->amount : 0,
-                  e->axis == PAD_RIGHT_Y ? 8 * e->amount : 0);
+    if (event->kind == WINDOW_PAD_BUTTON && event->button == PAD_X)
+        do_part(window, PART_VIEWPOINT);
+    else if (event->kind == WINDOW_PAD_BUTTON && event->button == PAD_Y)
+        do_part(window, PART_MAP);
+    else if (event->kind == WINDOW_PAD_AXIS && (event->axis == PAD_RIGHT_X || event->axis == PAD_RIGHT_Y))
+        turn_view(window, window->shown.map ? DRIVE_MAP : DRIVE_PICTURE,
+                  event->axis == PAD_RIGHT_X ? 8 * event->amount : 0,
+                  event->axis == PAD_RIGHT_Y ? 8 * event->amount : 0);
 }
 
 // One finger turns the view; another one that comes meanwhile does nothing.
-static void on_pointer(struct drive_window *w, const struct window_event *e)
+static void on_pointer(struct drive_window *window, const struct window_event *event)
 {
-    if (w->down && e->pointer != w->turning)
+    if (window->down && event->pointer != window->turning)
         return;
-    if (e->kind == WINDOW_POINTER_DOWN) {
-        w->down = true;
-        w->turning = e->pointer;
-        w->pointed = pane_at(w, e->x, e->y);
-    } else if (e->kind == WINDOW_POINTER_UP)
-        w->down = false;
-    else if (w->down)
-        turn_view(w, w->pointed, e->x - w->last_x, e->y - w->last_y);
+    if (event->kind == WINDOW_POINTER_DOWN) {
+        window->down = true;
+        window->turning = event->pointer;
+        window->pointed = pane_at(window, event->x, event->y);
+    } else if (event->kind == WINDOW_POINTER_UP)
+        window->down = false;
+    else if (window->down)
+        turn_view(window, window->pointed, event->x - window->last_x, event->y - window->last_y);
     else
-        w->pointed = pane_at(w, e->x, e->y);
-    w->last_x = e->x;
-    w->last_y = e->y;
+        window->pointed = pane_at(window, event->x, event->y);
+    window->last_x = event->x;
+    window->last_y = event->y;
 }
 
-static void on_event(struct drive_window *w, const struct window_event *event)
+static void on_event(struct drive_window *window, const struct window_event *event)
 {
     struct window_event e = *event;
     enum drive_part tapped;
-    e.x /= px_per_dp(w);
-    e.y /= px_per_dp(w);
-    const bool taken = drive_controls_event(&w->controls, &e, clock_now_ns(), &tapped);
-    do_part(w, tapped);
+    e.x /= px_per_dp(window);
+    e.y /= px_per_dp(window);
+    const bool taken = drive_controls_event(&window->controls, &e, clock_now_ns(), &tapped);
+    do_part(window, tapped);
     if (e.kind == WINDOW_HIDDEN || e.kind == WINDOW_UNFOCUSED)
-        w->down = false;
+        window->down = false;
     if (taken)
         return;
     switch (e.kind) {
-    case WINDOW_QUIT: w->quit = true; return;
-    case WINDOW_KEY: on_key(w, e.key); return;
+    case WINDOW_QUIT: window->quit = true; return;
+    case WINDOW_KEY: on_key(window, e.key); return;
     case WINDOW_PAD_AXIS:
-    case WINDOW_PAD_BUTTON: on_pad(w, &e); return;
-    case WINDOW_WHEEL: zoom(drive_screen_eye(&w->shown, w->pointed), e.amount); return;
+    case WINDOW_PAD_BUTTON: on_pad(window, &e); return;
+    case WINDOW_WHEEL: zoom_eye(drive_screen_eye(&window->shown, window->pointed), e.amount); return;
     case WINDOW_POINTER_DOWN:
     case WINDOW_POINTER_UP:
-    case WINDOW_POINTER_MOVE: on_pointer(w, &e); return;
+    case WINDOW_POINTER_MOVE: on_pointer(window, &e); return;
     default: return;
     }
 }
 
 // The controls lie where the screen is now.
-static void place_controls(struct drive_window *w)
+static void place_controls(struct drive_window *window)
 {
     int width, height;
-    window_size(w->screen, &width, &height);
-    drive_controls_place(&w->controls, width / px_per_dp(w), height / px_per_dp(w));
+    window_size(window->screen, &width, &height);
+    drive_controls_place(&window->controls, width / px_per_dp(window), height / px_per_dp(window));
 }
 
 // ---------------------------------------------------------------- drawing
 
-static enum status draw(struct drive_window *w)
+static enum status draw_window(struct drive_window *window)
 {
-    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
-    window_size(w->screen, &surface.width, &surface.height);
-    const enum status status = drive_screen_draw(&w->shown, &surface, clock_now_ns());
+    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(window->screen),
+                                     .px_per_dp = px_per_dp(window)};
+    window_size(window->screen, &surface.width, &surface.height);
+    const enum status status = drive_screen_draw(&window->shown, &surface, clock_now_ns());
     if (status == OK)
-        window_present(w->screen);
+        window_present(window->screen);
     return status;
 }
 
 // The viewpoint follows the tablet; while it is not localised the viewpoint stays.
-static void follow_head(struct drive_window *w)
+static void follow_head(struct drive_window *window)
 {
-    const struct camera_frame *frame = w->feed ? camera_feed_latest(w->feed) : NULL;
-    struct drive_session *s = w->session;
+    const struct camera_frame *frame = window->feed ? camera_feed_latest(window->feed) : NULL;
+    struct drive_session *s = window->session;
     if (!frame || !frame->placed)
         return;
     const struct pose eye = drive_session_viewpoint(s);
-    s->eye.body_from_eye = head_tracker_eye(&w->head, frame->world_from_camera, eye.translation);
+    s->eye.body_from_eye = head_tracker_eye(&window->head, frame->world_from_camera, eye.translation);
     s->eye.head = true;
 }
 
-static enum status open_window(struct drive_window *w, const struct drive_window_options *how)
+static enum status open_window(struct drive_window *window, const struct drive_window_options *how)
 {
     const struct window_options screen = {"Reenact", how->size[0], how->size[1], how->fullscreen, 0, how->dpi};
-    enum status status = window_open(&w->screen, &screen);
+    enum status status = window_open(&window->screen, &screen);
     if (status == OK)
-        status = gpu_adopt(&w->gpu);
+        status = gpu_adopt(&window->gpu);
     if (status == OK)
-        status = drive_screen_open(&w->shown, w->gpu, w->session, how->file, how->place);
-    w->shown.map = how->map;
-    w->shown.controls = &w->controls;
+        status = drive_screen_open(&window->shown, window->gpu, window->session, how->file, how->place);
+    window->shown.map = how->map;
+    window->shown.controls = &window->controls;
     return status;
 }
 
 // What is sent at this moment: a command that moves only while something is held.
-static struct drive_command command_now(struct drive_window *w, int64_t now_ns)
+static struct drive_command command_now(struct drive_window *window, int64_t now_ns)
 {
-    const struct drive_readings readings = drive_session_readings(w->session);
-    drive_controls_tick(&w->controls, &readings, now_ns);
-    return drive_controls_command(&w->controls);
+    const struct drive_readings readings = drive_session_readings(window->session);
+    drive_controls_tick(&window->controls, &readings, now_ns);
+    return drive_controls_command(&window->controls);
 }
 
 // From one image to the next: as often as the display where a graphics card draws; else as often as the stick is sent,
 // and half of the time is left to the threads that make depth.
-static int64_t step_ns(const struct drive_window *w, int64_t took_ns)
+static int64_t step_ns(const struct drive_window *window, int64_t took_ns)
 {
-    if (w->shown.by_card && !gpu_is_software(w->gpu))
-        return (int64_t)(1e9 / window_refresh_hz(w->screen));
+    if (window->shown.by_card && !gpu_is_software(window->gpu))
+        return (int64_t)(1e9 / window_refresh_hz(window->screen));
     return 2 * took_ns > STEP_NS ? 2 * took_ns : STEP_NS;
 }
 
@@ -253,7 +256,7 @@ static enum status drive_window_run(struct drive_session *session, const struct 
         status = drive_session_step(session, before - start, send ? &now : NULL);
         follow_head(&w);
         if (status == OK)
-            status = draw(&w);
+            status = draw_window(&w);
         w.quit |= how->seconds > 0 && (double)(clock_now_ns() - start) * 1e-9 > how->seconds;
         const int64_t left = step_ns(&w, clock_now_ns() - before) - (clock_now_ns() - before);
         const struct window_event e = window_wait(w.screen, left > 0 ? (int)(left / 1000000) : 0);
@@ -268,11 +271,11 @@ static enum status drive_window_run(struct drive_session *session, const struct 
 
 // ---------------------------------------------------------------- reenact drive
 
-enum { MOST_REMAPS = 16 };
+enum { MAX_REMAPS = 16 };
 
 struct drive_arguments {
     const char *uri, *out, *camera, *file;
-    const char *remap[MOST_REMAPS + 1];
+    const char *remap[MAX_REMAPS + 1];
     int remaps;
     bool json, map, keep, fullscreen;
     int size[2];
@@ -321,15 +324,15 @@ static const struct argp_option options[] = {
 };
 
 // What would be left out without a word.
-static void refuse_contradictions(const struct argp_state *state, const struct drive_arguments *a)
+static void refuse_contradictions(const struct argp_state *state, const struct drive_arguments *arguments)
 {
-    if (a->out && (a->camera || a->map))
+    if (arguments->out && (arguments->camera || arguments->map))
         argp_error(state, "--camera and --map go with the window, not with --out");
-    if ((a->how.calibration || a->remaps) && strncmp(a->uri, "ros:", 4))
+    if ((arguments->how.calibration || arguments->remaps) && strncmp(arguments->uri, "ros:", 4))
         argp_error(state, "--calibration and --remap go with ros:");
 }
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct drive_arguments *a = state->input;
     switch (key) {
@@ -347,8 +350,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
     case KEY_REMAP:
-        if (a->remaps == MOST_REMAPS)
-            argp_error(state, "at most %d topics are renamed", MOST_REMAPS);
+        if (a->remaps == MAX_REMAPS)
+            argp_error(state, "at most %d topics are renamed", MAX_REMAPS);
         a->remap[a->remaps++] = value;
         return 0;
     case ARGP_KEY_ARG: command_take_file(state, a->uri ? &a->file : &a->uri, value); return 0;
@@ -365,68 +368,70 @@ static error_t parse(int key, char *value, struct argp_state *state)
 }
 
 // Twenty commands a second; a robot of a ROS master is driven in real time.
-static enum status step_to(struct drive_session *s, int64_t to_ns)
+static enum status step_to(struct drive_session *session, int64_t to_ns)
 {
     const struct drive_command ahead = {0.2, 0.1}, stop = {0, 0};
-    const int64_t tick_ns = 50000000, start_ns = clock_now_ns() - s->now_ns;
+    const int64_t tick_ns = 50000000, start_ns = clock_now_ns() - session->now_ns;
     enum status status = OK;
-    const bool real = s->kind == DRIVE_ROS;
-    for (int64_t t = s->now_ns; status == OK && t < to_ns && !command_stopped(); t += tick_ns) {
+    const bool real = session->kind == DRIVE_ROS;
+    for (int64_t t = session->now_ns; status == OK && t < to_ns && !command_stopped(); t += tick_ns) {
         if (real)
             clock_sleep_until_ns(start_ns + t);
-        status = drive_session_step(s, t, real && t < 1000000000 ? &stop : &ahead);
+        status = drive_session_step(session, t, real && t < 1000000000 ? &stop : &ahead);
     }
-    return status == OK && !real ? drive_session_step(s, to_ns, &ahead) : status;
+    return status == OK && !real ? drive_session_step(session, to_ns, &ahead) : status;
 }
 
 // What was written, and how far the robot came.
-static enum status report_pictures(const struct drive_arguments *a, const struct drive_session *s, int pictures)
+static enum status report_pictures(const struct drive_arguments *arguments, const struct drive_session *session,
+                                   int pictures)
 {
     double way_m = 0;
-    for (int i = 1; i < s->path.count; i++)
-        way_m += v3_distance(s->path.at[i - 1], s->path.at[i]);
-    if (!a->json) {
-        printf("%s: %d pictures, %.1f s, %.2f m driven\n", a->out, pictures, (double)s->now_ns * 1e-9, way_m);
+    for (int i = 1; i < session->path.count; i++)
+        way_m += v3_distance(session->path.at[i - 1], session->path.at[i]);
+    if (!arguments->json) {
+        printf("%s: %d pictures, %.1f s, %.2f m driven\n", arguments->out, pictures, (double)session->now_ns * 1e-9,
+               way_m);
         return OK;
     }
     struct json *root;
     const enum status status = command_begin_json(&root);
     if (status != OK)
         return status;
-    json_add_string(root, "out", a->out);
+    json_add_string(root, "out", arguments->out);
     json_add_number(root, "pictures", pictures);
-    json_add_number(root, "seconds", (double)s->now_ns * 1e-9);
+    json_add_number(root, "seconds", (double)session->now_ns * 1e-9);
     json_add_number(root, "driven_m", way_m);
     return command_print_json(&root);
 }
 
-static enum status write_pictures(const struct drive_arguments *a, struct drive_session *s)
+static enum status write_pictures(const struct drive_arguments *arguments, struct drive_session *session)
 {
     int pictures = 0;
-    enum status status = folder_make(a->out);
-    const int64_t every_ns = (int64_t)(a->every_s * 1e9);
-    for (int i = 0; status == OK && !command_stopped() && !s->ended; i++) {
+    enum status status = folder_make(arguments->out);
+    const int64_t every_ns = (int64_t)(arguments->every_s * 1e9);
+    for (int i = 0; status == OK && !command_stopped() && !session->ended; i++) {
         const struct surround_view *view;
         char path[4096];
-        if (a->seconds > 0 && (double)i * a->every_s > a->seconds)
+        if (arguments->seconds > 0 && (double)i * arguments->every_s > arguments->seconds)
             break;
-        status = step_to(s, i * every_ns);
+        status = step_to(session, i * every_ns);
         if (status == OK)
-            status = drive_session_draw(s, &view);
-        snprintf(path, sizeof path, "%s/%04d.png", a->out, i);
+            status = drive_session_draw(session, &view);
+        snprintf(path, sizeof path, "%s/%04d.png", arguments->out, i);
         if (status == OK && file_exists(path))
             status = fail(ERR_EXISTS, "%s is there already; choose another --out", path);
         if (status == OK)
             status = png_write(path, PNG_RGB8, view->rgb, view->lens.width, view->lens.height);
         pictures += status == OK;
     }
-    return status == OK ? report_pictures(a, s, pictures) : status;
+    return status == OK ? report_pictures(arguments, session, pictures) : status;
 }
 
-static enum status keep_drive(const struct drive_session *s, const struct place *place, const char *file)
+static enum status keep_drive(const struct drive_session *session, const struct place *place, const char *file)
 {
-    const struct surroundings *seen = drive_session_surroundings(s);
-    struct recorded_drive drive = {.path_count = s->path.count};
+    const struct surroundings *seen = drive_session_surroundings(session);
+    struct recorded_drive drive = {.path_count = session->path.count};
     struct pose place_from_world;
     enum status status = robot_place_find(seen->pictures, seen->taken, place, &place_from_world);
     if (status == NOTHING)
@@ -436,10 +441,10 @@ static enum status keep_drive(const struct drive_session *s, const struct place 
         return status;
     _Static_assert((int)DRIVE_PATH_POINTS == (int)RECORDED_DRIVE_POINTS, "the whole path");
     for (int i = 0; i < 3; i++)
-        drive.size_m[i] = drive_session_size(s)[i];
-    drive.world_from_body = pose_multiply(place_from_world, drive_session_pose(s));
+        drive.size_m[i] = drive_session_size(session)[i];
+    drive.world_from_body = pose_multiply(place_from_world, drive_session_pose(session));
     for (int i = 0; i < drive.path_count; i++)
-        drive.path[i] = pose_apply(place_from_world, s->path.at[i]);
+        drive.path[i] = pose_apply(place_from_world, session->path.at[i]);
     return recording_write_drive(file, &drive);
 }
 
@@ -448,7 +453,7 @@ int reenact_drive(int argc, char **argv)
     struct drive_arguments arguments = {.every_s = 1, .size = {1280, 800}, .how = drive_default_options()};
     static const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "URI [FILE]",
         "Drives a robot by free-viewpoint pictures of its surroundings.\v"
         "URI is sim: (a simulated robot; sim:1 a straight passage, sim:2 a bent one, sim:3 a wall), folder:DIR (a "

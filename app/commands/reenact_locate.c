@@ -1,11 +1,10 @@
 // reenact locate: where a camera was in the place, image by image.
-#include "app/commands/commands.h"
-
 #include "app/commands/command.h"
+#include "app/commands/commands.h"
 #include "app/commands/place_input.h"
+#include "base/text.h"
 #include "locate/camera_tracker.h"
 #include "locate/picture_check.h"
-#include "base/text.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "platform/sensors/source.h"
@@ -34,7 +33,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct locate_arguments *a = state->input;
     switch (key) {
@@ -54,13 +53,13 @@ static error_t parse(int key, char *value, struct argp_state *state)
 }
 
 // A line of the trajectory.
-static void add_line(FILE *lines, int64_t time_ns, struct pose w)
+static void add_line(FILE *lines, int64_t time_ns, struct pose pose)
 {
     // In integers: a double cannot hold the seconds since 1970 to the nanosecond.
     char seconds[SECONDS_TEXT_BYTES];
     fprintf(lines, "%s %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
-            seconds_text(time_ns + (time_ns < 0 ? -500 : 500), 6, seconds), w.translation.x, w.translation.y,
-            w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
+            seconds_text(time_ns + (time_ns < 0 ? -500 : 500), 6, seconds), pose.translation.x, pose.translation.y,
+            pose.translation.z, pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w);
 }
 
 // What localises the camera, and what checks it.
@@ -85,7 +84,7 @@ struct locate_summary {
 
 // One image. Only errors that end the run are returned.
 static enum status locate_image(const struct locate_work *work, const struct frame *frame, FILE *lines,
-                                struct locate_summary *s)
+                                struct locate_summary *summary)
 {
     struct location found;
     struct camera_motion motion;
@@ -95,18 +94,18 @@ static enum status locate_image(const struct locate_work *work, const struct fra
     status = camera_tracker_process(work->track, frame->color, NULL, frame->time_ns, &found, &motion);
     if (status < 0 && status != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
         return status;
-    picture_count_add(&s->count, status);
+    picture_count_add(&summary->count, status);
     if (status != OK) // of two poses none is written
         return OK;
-    s->tags_used += found.tags_used;
-    s->tags_rejected += found.tags_rejected;
-    s->sum_rms2 += found.rms_px * found.rms_px;
+    summary->tags_used += found.tags_used;
+    summary->tags_rejected += found.tags_rejected;
+    summary->sum_rms2 += found.rms_px * found.rms_px;
     add_line(lines, frame->time_ns, found.world_from_camera);
     return OK;
 }
 
-static enum status run(const struct locate_work *work, struct source_frames *camera, FILE *lines,
-                       struct locate_summary *s)
+static enum status locate_images(const struct locate_work *work, struct source_frames *camera, FILE *lines,
+                                 struct locate_summary *summary)
 {
     struct progress_bar bar;
     struct frame frame;
@@ -114,80 +113,83 @@ static enum status run(const struct locate_work *work, struct source_frames *cam
     progress_bar_start(&bar, "finding the camera", source_remaining(camera->source));
     camera->bar = &bar;
     while ((status = source_frames_next(camera, &frame)) == OK) {
-        if (frame.color && (status = locate_image(work, &frame, lines, s)) != OK)
+        if (frame.color && (status = locate_image(work, &frame, lines, summary)) != OK)
             break;
         progress_bar_step(&bar);
     }
     progress_bar_end(&bar);
-    s->count.unreadable = camera->damaged;
+    summary->count.unreadable = camera->damaged;
     camera->bar = NULL; // it lives here
     return status == NOTHING ? OK : status;
 }
 
-static enum status report(const struct locate_arguments *a, const struct locate_summary *s)
+static enum status report_summary(const struct locate_arguments *arguments, const struct locate_summary *summary)
 {
-    double placed = s->count.placed > 0 ? (double)s->count.placed : 1, rms = sqrt(s->sum_rms2 / placed);
-    if (!a->json) {
+    double placed = summary->count.placed > 0 ? (double)summary->count.placed : 1,
+           rms = sqrt(summary->sum_rms2 / placed);
+    if (!arguments->json) {
         char text[PICTURE_COUNT_BYTES];
-        printf("%s: %s\n", a->out, picture_count_text(&s->count, text));
-        if (s->count.placed)
-            printf("with %.1f tags each on average, which fit to %.2f pixels\n", (double)s->tags_used / placed, rms);
-        if (s->learnt)
-            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, sigma %.1f %%\n", s->lens.fx,
-                   s->lens.fy, s->lens.focal_sigma * 100);
+        printf("%s: %s\n", arguments->out, picture_count_text(&summary->count, text));
+        if (summary->count.placed)
+            printf("with %.1f tags each on average, which fit to %.2f pixels\n", (double)summary->tags_used / placed,
+                   rms);
+        if (summary->learnt)
+            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, sigma %.1f %%\n",
+                   summary->lens.fx, summary->lens.fy, summary->lens.focal_sigma * 100);
         return OK;
     }
     struct json *root = json_new_object();
-    json_add_string(root, "trajectory", a->out);
-    picture_count_add_json(root, &s->count);
-    json_add_number(root, "tags_mean", (double)s->tags_used / placed);
-    json_add_number(root, "tags_rejected", (double)s->tags_rejected);
-    json_add_number(root, "tags_moved", s->tags_moved);
+    json_add_string(root, "trajectory", arguments->out);
+    picture_count_add_json(root, &summary->count);
+    json_add_number(root, "tags_mean", (double)summary->tags_used / placed);
+    json_add_number(root, "tags_rejected", (double)summary->tags_rejected);
+    json_add_number(root, "tags_moved", summary->tags_moved);
     json_add_number(root, "rms_px", rms);
-    json_add_bool(root, "focal_wrong", s->focal_wrong);
-    json_add_number(root, "focal_scale", s->focal_scale);
-    if (s->learnt) {
-        json_add_number(root, "fx", s->lens.fx);
-        json_add_number(root, "fy", s->lens.fy);
-        json_add_number(root, "focal_sigma", s->lens.focal_sigma);
+    json_add_bool(root, "focal_wrong", summary->focal_wrong);
+    json_add_number(root, "focal_scale", summary->focal_scale);
+    if (summary->learnt) {
+        json_add_number(root, "fx", summary->lens.fx);
+        json_add_number(root, "fy", summary->lens.fy);
+        json_add_number(root, "focal_sigma", summary->lens.focal_sigma);
     }
     return command_print_json(&root);
 }
 
-static void warn(const char *program, const struct locate_summary *s)
+static void print_warnings(const char *program, const struct locate_summary *summary)
 {
-    if (*s->cause)
-        fprintf(stderr, "%s: warning: %s\n", program, s->cause);
-    command_warn_moved_tags(program, s->tags_moved, s->first_moved);
-    if (s->focal_wrong && !*s->cause)
+    if (*summary->cause)
+        fprintf(stderr, "%s: warning: %s\n", program, summary->cause);
+    command_warn_moved_tags(program, summary->tags_moved, summary->first_moved);
+    if (summary->focal_wrong && !*summary->cause)
         fprintf(stderr,
                 "%s: warning: the pictures fit a focal length %.1f %% %s than the calibration's; calibrate the camera "
                 "again\n",
-                program, fabs(s->focal_scale - 1) * 100, s->focal_scale > 1 ? "longer" : "shorter");
+                program, fabs(summary->focal_scale - 1) * 100, summary->focal_scale > 1 ? "longer" : "shorter");
 }
 
 // Whether lens and pictures belong together. ERR_INPUT: no pose is of use.
-static enum status check_pictures(const struct locate_work *work, struct locate_summary *s)
+static enum status check_pictures(const struct locate_work *work, struct locate_summary *summary)
 {
     struct picture_verdict verdict;
     bool useless;
     const enum status status = picture_check_judge(work->check, camera_tracker_lens(work->track), &verdict);
     if (status != OK)
         return status;
-    picture_verdict_text(&verdict, picture_count_is_few(&s->count), s->cause, &useless);
-    return useless ? fail(ERR_INPUT, "%s; where the camera was cannot be told, and nothing was written", s->cause) : OK;
+    picture_verdict_text(&verdict, picture_count_is_few(&summary->count), summary->cause, &useless);
+    return useless ? fail(ERR_INPUT, "%s; where the camera was cannot be told, and nothing was written", summary->cause)
+                   : OK;
 }
 
-static enum status open_inputs(const struct locate_arguments *a, struct locate_work *work)
+static enum status open_inputs(const struct locate_arguments *arguments, struct locate_work *work)
 {
     struct locator_options wanted = locator_default_options();
-    if (a->decimate > 0)
-        wanted.quad_decimate = a->decimate;
-    enum status status = place_input_read(a->file, &work->place);
+    if (arguments->decimate > 0)
+        wanted.quad_decimate = arguments->decimate;
+    enum status status = place_input_read(arguments->file, &work->place);
     if (status == NOTHING)
-        status = fail(ERR_INPUT, "%s holds no place; make one with reenact-capture map", a->file);
+        status = fail(ERR_INPUT, "%s holds no place; make one with reenact-capture map", arguments->file);
     if (status == OK)
-        status = source_open(&work->camera, a->camera, SOURCE_CAMERA);
+        status = source_open(&work->camera, arguments->camera, SOURCE_CAMERA);
     if (status != OK)
         return status;
     const struct lens *lens = &source_calibration(work->camera)->color;
@@ -207,7 +209,7 @@ int reenact_locate(int argc, char **argv)
 {
     struct locate_arguments a = {0};
     const struct argp argp = {options,
-                              parse,
+                              parse_option,
                               "FILE --camera URI --out trajectory.txt",
                               "Find where the camera of each picture was in the place that FILE holds.",
                               NULL,
@@ -227,7 +229,7 @@ int reenact_locate(int argc, char **argv)
         command_catch_signals();
         frames.source = work.camera;
         frames.program = argv[0];
-        status = run(&work, &frames, lines, &s);
+        status = locate_images(&work, &frames, lines, &s);
     }
     if (status == OK)
         status = check_pictures(&work, &s);
@@ -240,8 +242,8 @@ int reenact_locate(int argc, char **argv)
         s.tags_moved = camera_tracker_moved_tags(work.track, &s.first_moved);
         s.lens = *camera_tracker_lens(work.track);
         s.learnt = s.lens.focal_sigma < source_calibration(work.camera)->color.focal_sigma;
-        status = report(&a, &s);
-        warn(argv[0], &s);
+        status = report_summary(&a, &s);
+        print_warnings(argv[0], &s);
         if (!source_is_live(work.camera))
             command_warn_times(argv[0], source_dropped(work.camera));
         const enum status kept = source_save_lens(work.camera, &s.lens);

@@ -1,18 +1,17 @@
 // reenact render: draws a take into the images of a camera.
-#include "app/commands/commands.h"
-
-#include "app/commands/place_input.h"
 #include "app/commands/command.h"
-#include "locate/camera_tracker.h"
-#include "locate/picture_check.h"
+#include "app/commands/commands.h"
+#include "app/commands/place_input.h"
 #include "base/clock.h"
 #include "base/text.h"
+#include "locate/camera_tracker.h"
+#include "locate/picture_check.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "platform/files/output.h"
 #include "platform/files/png.h"
-#include "platform/sensors/source.h"
 #include "platform/files/video.h"
+#include "platform/sensors/source.h"
 #include "reenact/render/actor_renderer.h"
 
 #include <inttypes.h>
@@ -68,7 +67,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct render_arguments *a = state->input;
     switch (key) {
@@ -131,11 +130,11 @@ struct render_run {
     int64_t spent_ns[STAGE_COUNT], lap_ns;
 };
 
-static void lap(struct render_run *r, enum render_stage stage)
+static void add_stage_time(struct render_run *run, enum render_stage stage)
 {
     int64_t now = clock_now_ns();
-    r->spent_ns[stage] += now - r->lap_ns;
-    r->lap_ns = now;
+    run->spent_ns[stage] += now - run->lap_ns;
+    run->lap_ns = now;
 }
 
 static bool is_path(const char *camera)
@@ -145,40 +144,40 @@ static bool is_path(const char *camera)
 }
 
 // The camera and its tracker, or the path; with the place.
-static enum status open_locator(struct render_run *r)
+static enum status open_locator(struct render_run *run)
 {
-    const bool path = is_path(r->arguments->camera);
-    enum status status = path ? OK : source_open(&r->camera, r->arguments->camera, SOURCE_CAMERA);
+    const bool path = is_path(run->arguments->camera);
+    enum status status = path ? OK : source_open(&run->camera, run->arguments->camera, SOURCE_CAMERA);
     if (status == OK)
-        status = recording_read_place(r->recording, &r->place);
+        status = recording_read_place(run->recording, &run->place);
     if (status == NOTHING)
         return fail(ERR_INPUT,
                     "%s holds no place, so the camera cannot be found in it; "
                     "film the empty place first with reenact-capture map",
-                    r->arguments->file);
+                    run->arguments->file);
     if (status == OK && path) {
-        status = filmed_path_open(&r->path, &r->place, r->arguments->camera);
-        r->lens = r->path.lens;
+        status = filmed_path_open(&run->path, &run->place, run->arguments->camera);
+        run->lens = run->path.lens;
         return status;
     }
     struct locator_options how = locator_default_options();
     if (status == OK)
-        r->lens = source_calibration(r->camera)->color;
+        run->lens = source_calibration(run->camera)->color;
     if (status == OK)
-        status = camera_tracker_open(&r->track, &r->place, &r->lens, &how);
-    return status == OK ? picture_check_open(&r->check, &r->place, &r->lens) : status;
+        status = camera_tracker_open(&run->track, &run->place, &run->lens, &how);
+    return status == OK ? picture_check_open(&run->check, &run->place, &run->lens) : status;
 }
 
 // A take with a person who has no place among the place's things: wherever they were drawn would be wrong.
-static enum status check_located(const struct render_run *r)
+static enum status check_located(const struct render_run *run)
 {
     bool person = false;
-    for (int64_t i = 0; i < take_frame_count(r->take) && !person; i++)
-        person = take_entry(r->take, i)->has_skeleton;
-    if (!person || take_is_located(r->take))
+    for (int64_t i = 0; i < take_frame_count(run->take) && !person; i++)
+        person = take_entry(run->take, i)->has_skeleton;
+    if (!person || take_is_located(run->take))
         return OK;
     return fail(ERR_INPUT, "it is not known where the actor of '%s' stood: the sensor recognised nothing of the place",
-                r->arguments->take);
+                run->arguments->take);
 }
 
 static bool on_progress(void *self, double share)
@@ -189,110 +188,110 @@ static bool on_progress(void *self, double share)
     return !command_stopped();
 }
 
-static enum status open_renderer(struct render_run *r)
+static enum status open_renderer(struct render_run *run)
 {
     struct progress_bar progress;
     const struct progress_watch watch = {.on_progress = on_progress, .self = &progress};
     struct renderer_options how = renderer_default_options();
-    how.detail = r->arguments->detail;
-    how.sources = r->arguments->layers;
-    how.error_px = r->arguments->error_px;
-    how.shadow = !r->arguments->alone;
+    how.detail = run->arguments->detail;
+    how.sources = run->arguments->layers;
+    how.error_px = run->arguments->error_px;
+    how.shadow = !run->arguments->alone;
     how.watch = &watch;
     progress_bar_start(&progress, "preparing", 100);
-    enum status status = renderer_open(&r->renderer, r->gpu, r->take, &r->lens, &how);
+    enum status status = renderer_open(&run->renderer, run->gpu, run->take, &run->lens, &how);
     progress_bar_end(&progress);
     struct occluder_mesh occluder = {0};
-    if (status == OK && !r->arguments->alone)
-        status = occluder_mesh_make(&occluder, &r->place, r->take, NULL);
+    if (status == OK && !run->arguments->alone)
+        status = occluder_mesh_make(&occluder, &run->place, run->take, NULL);
     if (status == OK)
-        status = renderer_set_room(r->renderer, &occluder);
+        status = renderer_set_room(run->renderer, &occluder);
     return status < 0 ? status : OK;
 }
 
-static enum status open_film(struct render_run *r)
+static enum status open_film(struct render_run *run)
 {
-    if (!r->arguments->mp4)
+    if (!run->arguments->mp4)
         return OK;
-    enum status status = output_open(&r->film, r->arguments->mp4);
+    enum status status = output_open(&run->film, run->arguments->mp4);
     if (status != OK)
         return status;
-    const struct video_layout layout = {r->lens.width, r->lens.height, output_can_seek(r->film)};
-    return video_open(&r->video, output_file(r->film), &layout);
+    const struct video_layout layout = {run->lens.width, run->lens.height, output_can_seek(run->film)};
+    return video_open(&run->video, output_file(run->film), &layout);
 }
 
-static enum status open_run(struct render_run *r)
+static enum status open_run(struct render_run *run)
 {
-    const struct render_arguments *a = r->arguments;
+    const struct render_arguments *a = run->arguments;
     enum status status = folder_check_output(a->out, a->force);
     if (status == OK && a->mp4)
         status = output_check(a->mp4, a->file, a->force);
     if (status == OK)
-        status = recording_open(&r->recording, a->file);
+        status = recording_open(&run->recording, a->file);
     if (status == OK)
-        status = take_open_drawn(&r->take, r->recording, a->take);
+        status = take_open_drawn(&run->take, run->recording, a->take);
     if (status == OK)
-        status = open_locator(r);
+        status = open_locator(run);
     if (status == OK)
-        status = check_located(r);
+        status = check_located(run);
     if (status == OK)
-        status = open_film(r);
+        status = open_film(run);
     if (status == OK)
-        status = gpu_open(&r->gpu);
+        status = gpu_open(&run->gpu);
     if (status == OK)
-        status = open_renderer(r);
+        status = open_renderer(run);
     if (status == OK)
         status = folder_make(a->out);
     if (status != OK)
         return status;
-    size_t pixels = (size_t)r->lens.width * (size_t)r->lens.height;
-    r->rgb = malloc(pixels * 3);
-    r->rgba = malloc(pixels * 4);
-    if (!r->rgb || !r->rgba)
+    size_t pixels = (size_t)run->lens.width * (size_t)run->lens.height;
+    run->rgb = malloc(pixels * 3);
+    run->rgba = malloc(pixels * 4);
+    if (!run->rgb || !run->rgba)
         return fail(ERR_MEMORY, "no memory for the picture");
-    r->trajectory = open_memstream(&r->trajectory_text, &r->trajectory_bytes);
-    if (!r->trajectory)
+    run->trajectory = open_memstream(&run->trajectory_text, &run->trajectory_bytes);
+    if (!run->trajectory)
         return fail(ERR_MEMORY, "no memory for the trajectory");
-    fprintf(r->trajectory,
+    fprintf(run->trajectory,
             "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
     return OK;
 }
 
-static void close_run(struct render_run *r)
+static void close_run(struct render_run *run)
 {
-    if (r->trajectory)
-        fclose(r->trajectory);
-    free(r->trajectory_text);
-    free(r->rgb);
-    free(r->rgba);
-    renderer_close(&r->renderer);
-    gpu_close(&r->gpu);
-    picture_check_close(&r->check);
-    camera_tracker_close(&r->track);
-    filmed_path_close(&r->path);
-    place_free(&r->place);
-    source_close(&r->camera);
-    take_close(&r->take);
-    recording_free(&r->recording);
+    if (run->trajectory)
+        fclose(run->trajectory);
+    free(run->trajectory_text);
+    free(run->rgb);
+    free(run->rgba);
+    renderer_close(&run->renderer);
+    gpu_close(&run->gpu);
+    picture_check_close(&run->check);
+    camera_tracker_close(&run->track);
+    filmed_path_close(&run->path);
+    place_free(&run->place);
+    source_close(&run->camera);
+    take_close(&run->take);
+    recording_free(&run->recording);
 }
 
-static void write_pose(FILE *to, int64_t time_ns, struct pose p)
+static void write_pose(FILE *to, int64_t time_ns, struct pose pose)
 {
     char seconds[SECONDS_TEXT_BYTES];
-    fprintf(to, "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", seconds_text(time_ns, 9, seconds), p.translation.x,
-            p.translation.y, p.translation.z, p.rotation.x, p.rotation.y, p.rotation.z, p.rotation.w);
+    fprintf(to, "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", seconds_text(time_ns, 9, seconds), pose.translation.x,
+            pose.translation.y, pose.translation.z, pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w);
 }
 
-static enum status write_image(struct render_run *r, const char *name, const char *ending, enum png_kind kind,
+static enum status write_image(struct render_run *run, const char *name, const char *ending, enum png_kind kind,
                                const uint8_t *pixels)
 {
     char path[4096];
-    snprintf(path, sizeof path, "%s/%s%s.png", r->arguments->out, name, ending);
+    snprintf(path, sizeof path, "%s/%s%s.png", run->arguments->out, name, ending);
     // Level 3 takes a third of the time and a few percent more bytes.
     uint8_t *bytes;
     size_t count;
     enum status status =
-        png_encode(&(struct png_layout){kind, r->lens.width, r->lens.height}, pixels, 3, &bytes, &count);
+        png_encode(&(struct png_layout){kind, run->lens.width, run->lens.height}, pixels, 3, &bytes, &count);
     if (status != OK)
         return status;
     status = file_write_unsynced(path, bytes, count); // a run writes thousands, and can be made again
@@ -301,165 +300,165 @@ static enum status write_image(struct render_run *r, const char *name, const cha
 }
 
 // The actor into a picture taken at a known pose.
-static enum status draw_placed(struct render_run *r, const struct frame *frame, struct pose world_from_camera)
+static enum status draw_placed(struct render_run *run, const struct frame *frame, struct pose world_from_camera)
 {
-    write_pose(r->trajectory, frame->time_ns, world_from_camera);
+    write_pose(run->trajectory, frame->time_ns, world_from_camera);
     const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(world_from_camera));
     struct renderer_view view = {.world_from_camera = world_from_camera,
                                  .viewer_from_room = &viewer_from_room,
-                                 .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
+                                 .time_ns = frame->time_ns - run->first_ns + llround(run->arguments->start_s * 1e9),
                                  .color = frame->color};
     struct renderer_result result;
-    const enum status status = renderer_draw(r->renderer, &view, &result);
+    const enum status status = renderer_draw(run->renderer, &view, &result);
     if (status != OK)
         return status;
-    r->with_actor += result.parts > 0;
-    r->parts += result.parts;
-    r->error_px += result.parts > 0 ? result.error_px : 0;
+    run->with_actor += result.parts > 0;
+    run->parts += result.parts;
+    run->error_px += result.parts > 0 ? result.error_px : 0;
     if (result.parts)
-        r->at_level[result.level]++;
+        run->at_level[result.level]++;
     return OK;
 }
 
-static enum status draw(struct render_run *r, const struct frame *frame)
+static enum status draw_frame(struct render_run *run, const struct frame *frame)
 {
     struct location location;
     struct camera_motion motion;
-    if (r->path.count) {
-        picture_count_add(&r->count, OK);
-        return draw_placed(r, frame, r->path.poses[r->images - 1].pose);
+    if (run->path.count) {
+        picture_count_add(&run->count, OK);
+        return draw_placed(run, frame, run->path.poses[run->images - 1].pose);
     }
-    enum status found = picture_check_add(r->check, frame->color);
+    enum status found = picture_check_add(run->check, frame->color);
     if (found != OK)
         return found;
-    found = camera_tracker_process(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
-    lap(r, STAGE_LOCATE);
+    found = camera_tracker_process(run->track, frame->color, NULL, frame->time_ns, &location, &motion);
+    add_stage_time(run, STAGE_LOCATE);
     if (found < 0 && found != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
         return found;
-    picture_count_add(&r->count, found);
+    picture_count_add(&run->count, found);
     if (found != OK && found != AMBIGUOUS)
-        return renderer_draw_background(r->renderer, frame->color);
-    const enum status status = renderer_set_lens(r->renderer, camera_tracker_lens(r->track));
-    return status == OK ? draw_placed(r, frame, location.world_from_camera) : status;
+        return renderer_draw_background(run->renderer, frame->color);
+    const enum status status = renderer_set_lens(run->renderer, camera_tracker_lens(run->track));
+    return status == OK ? draw_placed(run, frame, location.world_from_camera) : status;
 }
 
-static enum status render_image(struct render_run *r, const struct frame *frame)
+static enum status render_image(struct render_run *run, const struct frame *frame)
 {
-    if (!r->started)
-        r->first_ns = frame->time_ns;
-    r->started = true;
-    r->images++;
-    enum status status = draw(r, frame);
-    lap(r, STAGE_DRAW);
+    if (!run->started)
+        run->first_ns = frame->time_ns;
+    run->started = true;
+    run->images++;
+    enum status status = draw_frame(run, frame);
+    add_stage_time(run, STAGE_DRAW);
     if (status == OK)
-        status = renderer_read(r->renderer, r->rgb);
-    if (status == OK && r->arguments->layers)
-        status = renderer_read_actor(r->renderer, r->rgba);
-    lap(r, STAGE_READ);
+        status = renderer_read(run->renderer, run->rgb);
+    if (status == OK && run->arguments->layers)
+        status = renderer_read_actor(run->renderer, run->rgba);
+    add_stage_time(run, STAGE_READ);
     if (status == OK)
-        status = write_image(r, frame->name, "", PNG_RGB8, r->rgb);
-    if (status == OK && r->video)
-        status = video_add(r->video, r->rgb, frame->time_ns);
-    if (status == OK && r->arguments->layers)
-        status = write_image(r, frame->name, "_actor", PNG_RGBA8, r->rgba);
-    if (status == OK && r->arguments->layers)
-        status = renderer_read_source(r->renderer, r->rgb);
-    if (status == OK && r->arguments->layers)
-        status = write_image(r, frame->name, "_source", PNG_RGB8, r->rgb);
-    lap(r, STAGE_WRITE);
+        status = write_image(run, frame->name, "", PNG_RGB8, run->rgb);
+    if (status == OK && run->video)
+        status = video_add(run->video, run->rgb, frame->time_ns);
+    if (status == OK && run->arguments->layers)
+        status = write_image(run, frame->name, "_actor", PNG_RGBA8, run->rgba);
+    if (status == OK && run->arguments->layers)
+        status = renderer_read_source(run->renderer, run->rgb);
+    if (status == OK && run->arguments->layers)
+        status = write_image(run, frame->name, "_source", PNG_RGB8, run->rgb);
+    add_stage_time(run, STAGE_WRITE);
     return status;
 }
 
 // The next image: of the camera, or of the place from the path's next pose. NOTHING: the end.
-static enum status next_image(struct render_run *r, struct frame *frame)
+static enum status next_image(struct render_run *run, struct frame *frame)
 {
-    if (!r->path.count)
-        return source_frames_next(&r->frames, frame);
-    if (r->images == r->path.count)
+    if (!run->path.count)
+        return source_frames_next(&run->frames, frame);
+    if (run->images == run->path.count)
         return NOTHING;
-    const struct timed_pose *pose = &r->path.poses[r->images];
-    *frame = (struct frame){.time_ns = pose->time_ns, .color = r->path.room.view.rgb};
-    snprintf(frame->name, sizeof frame->name, "%04d", (int)r->images);
-    return filmed_path_draw(&r->path, (int)r->images);
+    const struct timed_pose *pose = &run->path.poses[run->images];
+    *frame = (struct frame){.time_ns = pose->time_ns, .color = run->path.room.view.rgb};
+    snprintf(frame->name, sizeof frame->name, "%04d", (int)run->images);
+    return filmed_path_draw(&run->path, (int)run->images);
 }
 
-static enum status render_images(struct render_run *r)
+static enum status render_images(struct render_run *run)
 {
     struct progress_bar progress;
-    progress_bar_start(&progress, "drawing", r->path.count ? r->path.count : source_remaining(r->camera));
+    progress_bar_start(&progress, "drawing", run->path.count ? run->path.count : source_remaining(run->camera));
     enum status status = OK;
-    r->lap_ns = clock_now_ns();
-    r->frames = (struct source_frames){.source = r->camera, .program = "reenact render", .bar = &progress};
+    run->lap_ns = clock_now_ns();
+    run->frames = (struct source_frames){.source = run->camera, .program = "reenact render", .bar = &progress};
     while (!command_stopped()) {
         struct frame frame;
-        status = next_image(r, &frame);
-        lap(r, STAGE_CAMERA);
+        status = next_image(run, &frame);
+        add_stage_time(run, STAGE_CAMERA);
         if (status == OK && frame.color)
-            status = render_image(r, &frame);
+            status = render_image(run, &frame);
         if (status != OK)
             break;
         progress_bar_step(&progress);
     }
     progress_bar_end(&progress);
-    r->frames.bar = NULL; // it lived here
-    r->count.unreadable = r->frames.damaged;
+    run->frames.bar = NULL; // it lived here
+    run->count.unreadable = run->frames.damaged;
     if (status < 0)
         return status;
-    if (command_stopped() && !r->images)
+    if (command_stopped() && !run->images)
         return fail(ERR_INPUT, "stopped before the first picture");
-    if (!r->images)
-        return fail(ERR_INPUT, "%s gave no picture", r->arguments->camera);
+    if (!run->images)
+        return fail(ERR_INPUT, "%s gave no picture", run->arguments->camera);
     return OK;
 }
 
-static enum status write_trajectory(struct render_run *r)
+static enum status write_trajectory(struct render_run *run)
 {
     char path[4096];
-    if (fflush(r->trajectory) || ferror(r->trajectory))
+    if (fflush(run->trajectory) || ferror(run->trajectory))
         return fail(ERR_MEMORY, "no memory for the trajectory");
-    snprintf(path, sizeof path, "%s/trajectory.txt", r->arguments->out);
-    return file_write(path, r->trajectory_text, r->trajectory_bytes);
+    snprintf(path, sizeof path, "%s/trajectory.txt", run->arguments->out);
+    return file_write(path, run->trajectory_text, run->trajectory_bytes);
 }
 
-static enum status write_stats(struct render_run *r)
+static enum status write_stats(struct render_run *run)
 {
     struct json *root = json_new_object();
-    json_add_string(root, "take", r->arguments->take);
-    json_add_string(root, "detail", detail_names[r->arguments->detail]);
-    picture_count_add_json(root, &r->count);
-    json_add_number(root, "with_actor", (double)r->with_actor);
+    json_add_string(root, "take", run->arguments->take);
+    json_add_string(root, "detail", detail_names[run->arguments->detail]);
+    picture_count_add_json(root, &run->count);
+    json_add_number(root, "with_actor", (double)run->with_actor);
     struct json *levels = json_add_object(root, "pictures_at_level");
     for (int d = 0; d < DETAIL_AUTO; d++)
-        json_add_number(levels, detail_names[d], (double)r->at_level[d]);
-    json_add_number(root, "parts_per_picture", r->with_actor ? (double)r->parts / (double)r->with_actor : 0);
-    json_add_number(root, "predicted_error_px", r->with_actor ? r->error_px / (double)r->with_actor : 0);
+        json_add_number(levels, detail_names[d], (double)run->at_level[d]);
+    json_add_number(root, "parts_per_picture", run->with_actor ? (double)run->parts / (double)run->with_actor : 0);
+    json_add_number(root, "predicted_error_px", run->with_actor ? run->error_px / (double)run->with_actor : 0);
     struct json *times = json_add_object(root, "ms_per_picture");
     for (int s = 0; s < STAGE_COUNT; s++)
-        json_add_number(times, stage_names[s], (double)r->spent_ns[s] * 1e-6 / (double)r->images);
-    json_add_string(root, "renderer", gpu_renderer(r->gpu));
+        json_add_number(times, stage_names[s], (double)run->spent_ns[s] * 1e-6 / (double)run->images);
+    json_add_string(root, "renderer", gpu_renderer(run->gpu));
     char *text = json_print(root);
     json_free(&root);
     if (!text)
         return fail(ERR_MEMORY, "no memory for the picture");
     char path[4096];
-    snprintf(path, sizeof path, "%s/stats.json", r->arguments->out);
+    snprintf(path, sizeof path, "%s/stats.json", run->arguments->out);
     enum status status = file_write(path, text, strlen(text));
-    if (status == OK && r->arguments->json)
+    if (status == OK && run->arguments->json)
         fputs(text, stdout);
     free(text);
     return status;
 }
 
 // Whether the camera's lens and pictures belong together. ERR_INPUT: the actor is drawn where they were not.
-static enum status check_pictures(const struct render_run *r, const char *program)
+static enum status check_pictures(const struct render_run *run, const char *program)
 {
     struct picture_verdict verdict;
     char cause[PICTURE_TEXT_BYTES];
     bool useless;
-    const enum status status = picture_check_judge(r->check, camera_tracker_lens(r->track), &verdict);
+    const enum status status = picture_check_judge(run->check, camera_tracker_lens(run->track), &verdict);
     if (status != OK)
         return status;
-    picture_verdict_text(&verdict, picture_count_is_few(&r->count), cause, &useless);
+    picture_verdict_text(&verdict, picture_count_is_few(&run->count), cause, &useless);
     if (useless)
         return fail(ERR_INPUT, "%s; the actor may be drawn in wrong places or not at all", cause);
     if (*cause)
@@ -473,7 +472,7 @@ int reenact_render(int argc, char **argv)
                                          .error_px = renderer_default_options().error_px};
     static const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "FILE",
         "Draws a take into a camera's pictures.\v"
         "Every image is placed in FILE's place; the take starts with the first one. For image 0007.* this writes "

@@ -1,11 +1,10 @@
 // reenact surround: pictures of surroundings from a free viewpoint.
 #include "app/commands/commands.h"
-
-#include "surround/surroundings.h"
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "platform/files/png.h"
+#include "surround/surroundings.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -33,7 +32,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct surround_arguments *a = state->input;
     switch (key) {
@@ -55,19 +54,19 @@ static error_t parse(int key, char *value, struct argp_state *state)
 }
 
 // "OUT/NAMEending". ERR_INPUT: too long.
-static enum status output_path(const struct surround_arguments *a, const char *name, const char *ending,
+static enum status output_path(const struct surround_arguments *arguments, const char *name, const char *ending,
                                char path[FILE_PATH_BYTES])
 {
-    return snprintf(path, FILE_PATH_BYTES, "%s/%s%s", a->out, name, ending) < FILE_PATH_BYTES
+    return snprintf(path, FILE_PATH_BYTES, "%s/%s%s", arguments->out, name, ending) < FILE_PATH_BYTES
                ? OK
-               : fail(ERR_INPUT, "the path %.60s… is too long", a->out);
+               : fail(ERR_INPUT, "the path %.60s… is too long", arguments->out);
 }
 
-static enum status write_image(const struct surround_arguments *a, const char *name, const char *ending,
+static enum status write_image(const struct surround_arguments *arguments, const char *name, const char *ending,
                                const struct png_layout *layout, const void *pixels)
 {
     char path[FILE_PATH_BYTES];
-    enum status status = output_path(a, name, ending, path);
+    enum status status = output_path(arguments, name, ending, path);
     if (status != OK)
         return status;
     char *slash = strrchr(path, '/');
@@ -85,11 +84,12 @@ static enum status write_image(const struct surround_arguments *a, const char *n
     return status;
 }
 
-static enum status write_view(const struct surround_arguments *a, const struct surround_view *view, const char *name)
+static enum status write_view(const struct surround_arguments *arguments, const struct surround_view *view,
+                              const char *name)
 {
     const struct png_layout layout = {PNG_RGB8, view->lens.width, view->lens.height};
-    enum status status = write_image(a, name, ".png", &layout, view->rgb);
-    if (status != OK || !a->layers)
+    enum status status = write_image(arguments, name, ".png", &layout, view->rgb);
+    if (status != OK || !arguments->layers)
         return status;
     const size_t pixels = (size_t)layout.width * (size_t)layout.height;
     uint8_t *source = malloc(pixels * 3);
@@ -97,59 +97,59 @@ static enum status write_view(const struct surround_arguments *a, const struct s
         return fail(ERR_MEMORY, "no memory for the picture");
     for (size_t i = 0; i < pixels; i++)
         memset(source + 3 * i, view->source[i], 3);
-    status = write_image(a, name, "_source.png", &layout, source);
+    status = write_image(arguments, name, "_source.png", &layout, source);
     free(source);
     return status;
 }
 
-static enum status check_output(const struct surround_arguments *a, const char *name, const char *ending)
+static enum status check_output(const struct surround_arguments *arguments, const char *name, const char *ending)
 {
     char path[FILE_PATH_BYTES];
-    const enum status status = output_path(a, name, ending, path);
-    return status == OK && file_exists(path) ? file_check_output(path, a->force) : status;
+    const enum status status = output_path(arguments, name, ending, path);
+    return status == OK && file_exists(path) ? file_check_output(path, arguments->force) : status;
 }
 
 // Before anything is drawn.
-static enum status check_outputs(const struct surround_arguments *a, const struct timed_pose *views, int count)
+static enum status check_outputs(const struct surround_arguments *arguments, const struct timed_pose *views, int count)
 {
-    enum status status = check_output(a, "trajectory", ".txt");
+    enum status status = check_output(arguments, "trajectory", ".txt");
     if (status == OK)
-        status = check_output(a, "stats", ".json");
+        status = check_output(arguments, "stats", ".json");
     for (int i = 0; i < count && status == OK; i++) {
-        status = check_output(a, views[i].name, ".png");
-        if (status == OK && a->layers)
-            status = check_output(a, views[i].name, "_source.png");
+        status = check_output(arguments, views[i].name, ".png");
+        if (status == OK && arguments->layers)
+            status = check_output(arguments, views[i].name, "_source.png");
     }
     return status;
 }
 
-static enum status draw_views(const struct surround_arguments *a, struct surroundings *s)
+static enum status draw_views(const struct surround_arguments *arguments, struct surroundings *surroundings)
 {
     struct timed_pose *views;
     int count;
-    enum status status = pose_list_read(a->views, &views, &count);
+    enum status status = pose_list_read(arguments->views, &views, &count);
     if (status != OK)
         return status;
-    status = check_outputs(a, views, count);
+    status = check_outputs(arguments, views, count);
     struct progress_bar progress;
     progress_bar_start(&progress, "drawing", count);
     for (int i = 0; status == OK && i < count && !command_stopped(); i++) {
         const bool timed = !strchr(views[i].name, '/');
-        status = surroundings_advance(s, timed ? views[i].time_ns : INT64_MAX);
+        status = surroundings_advance(surroundings, timed ? views[i].time_ns : INT64_MAX);
         if (status == OK)
-            status = surroundings_draw(s, views[i].pose);
+            status = surroundings_draw(surroundings, views[i].pose);
         if (status == OK)
-            status = write_view(a, &s->view, views[i].name);
+            status = write_view(arguments, &surroundings->view, views[i].name);
         progress_bar_step(&progress);
     }
     progress_bar_end(&progress);
     free(views);
     if (status == OK) // the rest of the path is part of the answer
-        status = surroundings_advance(s, INT64_MAX);
+        status = surroundings_advance(surroundings, INT64_MAX);
     return status;
 }
 
-static enum status write_trajectory(const struct surround_arguments *a, const struct surroundings *s)
+static enum status write_trajectory(const struct surround_arguments *arguments, const struct surroundings *surroundings)
 {
     char path[FILE_PATH_BYTES], *text = NULL;
     size_t bytes = 0;
@@ -157,16 +157,16 @@ static enum status write_trajectory(const struct surround_arguments *a, const st
     if (!to)
         return fail(ERR_MEMORY, "no memory for the trajectory");
     fprintf(to, "# timestamp tx ty tz qx qy qz qw (world_from_%s, metres)\n",
-            s->kind == SURROUNDINGS_ROBOT ? "body" : "camera");
-    for (int i = 0; i < s->taken; i++) {
-        const struct pose p = s->poses[i];
-        const int64_t t = s->pictures[i].time_ns;
+            surroundings->kind == SURROUNDINGS_ROBOT ? "body" : "camera");
+    for (int i = 0; i < surroundings->taken; i++) {
+        const struct pose p = surroundings->poses[i];
+        const int64_t t = surroundings->pictures[i].time_ns;
         fprintf(to, "%" PRId64 ".%09" PRId64 " %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", t / 1000000000, t % 1000000000,
                 p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y, p.rotation.z,
                 p.rotation.w);
     }
     const bool whole = !ferror(to);
-    enum status status = fclose(to) == 0 && whole ? output_path(a, "trajectory", ".txt", path)
+    enum status status = fclose(to) == 0 && whole ? output_path(arguments, "trajectory", ".txt", path)
                                                   : fail(ERR_MEMORY, "no memory for the trajectory");
     if (status == OK)
         status = file_write(path, text, bytes);
@@ -174,27 +174,30 @@ static enum status write_trajectory(const struct surround_arguments *a, const st
     return status;
 }
 
-static enum status write_stats(const struct surround_arguments *a, const struct surroundings *s)
+static enum status write_stats(const struct surround_arguments *arguments, const struct surroundings *surroundings)
 {
     struct json *root = json_new_object();
-    json_add_number(root, "pictures", s->drawn);
-    json_add_number(root, "captures", s->taken);
-    json_add_number(root, "unplaced", s->unplaced);
-    json_add_number(root, "align_ms", s->taken ? (double)s->align_ns * 1e-6 / s->taken : 0);
-    json_add_number(root, "align_worst_ms", (double)s->worst_align_ns * 1e-6);
-    json_add_number(root, "depth_ms", s->depths_made ? (double)s->depth_ns * 1e-6 / s->depths_made : 0);
-    json_add_number(root, "depths_made", s->depths_made);
-    json_add_number(root, "draw_ms", s->drawn ? (double)s->draw_ns * 1e-6 / s->drawn : 0);
-    json_add_number(root, "threads", s->how.threads);
+    json_add_number(root, "pictures", surroundings->drawn);
+    json_add_number(root, "captures", surroundings->taken);
+    json_add_number(root, "unplaced", surroundings->unplaced);
+    json_add_number(root, "align_ms",
+                    surroundings->taken ? (double)surroundings->align_ns * 1e-6 / surroundings->taken : 0);
+    json_add_number(root, "align_worst_ms", (double)surroundings->worst_align_ns * 1e-6);
+    json_add_number(root, "depth_ms",
+                    surroundings->depths_made ? (double)surroundings->depth_ns * 1e-6 / surroundings->depths_made : 0);
+    json_add_number(root, "depths_made", surroundings->depths_made);
+    json_add_number(root, "draw_ms",
+                    surroundings->drawn ? (double)surroundings->draw_ns * 1e-6 / surroundings->drawn : 0);
+    json_add_number(root, "threads", surroundings->how.threads);
     char *text = json_print(root);
     json_free(&root);
     if (!text)
         return fail(ERR_MEMORY, "no memory for the picture");
     char path[FILE_PATH_BYTES];
-    enum status status = output_path(a, "stats", ".json", path);
+    enum status status = output_path(arguments, "stats", ".json", path);
     if (status == OK)
         status = file_write(path, text, strlen(text));
-    if (status == OK && a->json)
+    if (status == OK && arguments->json)
         fputs(text, stdout);
     free(text);
     return status;
@@ -205,7 +208,7 @@ int reenact_surround(int argc, char **argv)
     struct surround_arguments arguments = {0};
     static const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "FOLDER",
         "Draws pictures of surroundings from a free viewpoint.\v"
         "FOLDER holds a robot's captures (panorama.txt, depth_*.txt, odometry.txt) or a vehicle's (panorama.txt, "

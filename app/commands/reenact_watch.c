@@ -1,6 +1,5 @@
 // reenact FILE: the viewer. A take in its place, seen through a camera or from an orbit.
 #include "app/commands/commands.h"
-
 #include "app/viewer/viewer.h"
 #include "base/clamp.h"
 #include "base/clock.h"
@@ -64,7 +63,7 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static error_t parse(int key, char *value, struct argp_state *state)
+static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct watch_arguments *a = state->input;
     switch (key) {
@@ -123,32 +122,34 @@ struct watch {
     int64_t placed_before; // images with the actor in place when that sentence appeared
 };
 
-static void wake(void *self) { window_wake(((struct watch *)self)->screen); }
+static void wake_window(void *self) { window_wake(((struct watch *)self)->screen); }
 
-static double px_per_dp(const struct watch *w)
+static double px_per_dp(const struct watch *watch)
 {
     int width, height;
-    window_size(w->screen, &width, &height);
-    const double text = w->viewer.state.text_size > 0 ? w->viewer.state.text_size : 1; // 0: while it is being opened
-    return viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(w->screen)), text, width, height);
+    window_size(watch->screen, &width, &height);
+    const double text =
+        watch->viewer.state.text_size > 0 ? watch->viewer.state.text_size : 1; // 0: while it is being opened
+    return viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(watch->screen)), text, width, height);
 }
 
 // Prints when, since the program began, the screen first showed something, the actor, and the actor's model.
-static void print_milestones(struct watch *w)
+static void print_milestones(struct watch *watch)
 {
     static const char *const names[] = {"a screen", "what the sensor saw", "a whole body", "full"};
-    const struct viewer *t = &w->viewer;
-    const bool actor = t->has_image && t->image.parts > 0, sensor = t->has_image && t->image.sensor;
-    const bool reached[] = {true, actor || sensor, actor && t->image.prepared, actor && t->image.full};
-    for (; w->milestones < (int)COUNT_OF(names) && reached[w->milestones]; w->milestones++)
-        printf("opening   %s after %.0f ms, %.0f of them at work\n", names[w->milestones],
-               (double)(w->shown_ns - w->started_ns) * 1e-6, (double)clock_cpu_ns() * 1e-6);
+    const struct viewer *viewer = &watch->viewer;
+    const bool actor = viewer->has_image && viewer->image.parts > 0, sensor = viewer->has_image && viewer->image.sensor;
+    const bool reached[] = {true, actor || sensor, actor && viewer->image.prepared, actor && viewer->image.full};
+    for (; watch->milestones < (int)COUNT_OF(names) && reached[watch->milestones]; watch->milestones++)
+        printf("opening   %s after %.0f ms, %.0f of them at work\n", names[watch->milestones],
+               (double)(watch->shown_ns - watch->started_ns) * 1e-6, (double)clock_cpu_ns() * 1e-6);
 }
 
-static void surface_of(const struct watch *w, struct viewer_surface *surface)
+static void surface_of(const struct watch *watch, struct viewer_surface *surface)
 {
-    *surface = (struct viewer_surface){.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
-    window_size(w->screen, &surface->width, &surface->height);
+    *surface =
+        (struct viewer_surface){.quarter_turns = window_quarter_turns(watch->screen), .px_per_dp = px_per_dp(watch)};
+    window_size(watch->screen, &surface->width, &surface->height);
 }
 
 // While the recording is being opened.
@@ -167,36 +168,37 @@ static void show_opening(void *self)
 
 // Whether there is something to watch, before a window opens: who starts this from a shell or a program learns it
 // there.
-static enum status check_file(const struct watch_arguments *a)
+static enum status check_file(const struct watch_arguments *arguments)
 {
     struct recording *recording;
-    enum status status = recording_open(&recording, a->file);
+    enum status status = recording_open(&recording, arguments->file);
     if (status != OK)
         return status;
     const int count = recording_take_count(recording);
-    bool found = !a->take;
+    bool found = !arguments->take;
     for (int i = 0; i < count && !found; i++)
-        found = !strcmp(recording_take_name(recording, i), a->take);
+        found = !strcmp(recording_take_name(recording, i), arguments->take);
     if (!count)
-        status = fail(ERR_MISSING, "%s holds no take; film one with reenact-capture record", a->file);
+        status = fail(ERR_MISSING, "%s holds no take; film one with reenact-capture record", arguments->file);
     else if (!found)
-        status = fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", a->file, a->take);
+        status = fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", arguments->file,
+                      arguments->take);
     recording_free(&recording);
     return status;
 }
 
-static enum status watch_open(struct watch *w)
+static enum status watch_open(struct watch *watch)
 {
     static char settings[1024];
     const bool keeps = settings_file_path(settings, sizeof settings);
-    const struct watch_arguments *a = w->arguments;
+    const struct watch_arguments *a = watch->arguments;
     const struct window_options screen = {"Reenact", a->size[0], a->size[1], a->fullscreen, a->rotate / 90, a->dpi};
     const char *camera = a->camera;
     if (!camera)
         camera = a->sensor ? "none" : find_camera();
-    enum status status = window_open(&w->screen, &screen);
+    enum status status = window_open(&watch->screen, &screen);
     if (status == OK)
-        status = gpu_adopt(&w->gpu);
+        status = gpu_adopt(&watch->gpu);
     if (status != OK)
         return status;
     const struct viewer_options how = {.file = a->file,
@@ -211,41 +213,41 @@ static enum status watch_open(struct watch *w)
                                        .text_size = a->text,
                                        .mirrored = a->mirrored,
                                        .ask_knowledge = a->ask,
-                                       .refresh_hz = window_refresh_hz(w->screen),
+                                       .refresh_hz = window_refresh_hz(watch->screen),
                                        .opening = show_opening,
-                                       .wake = wake,
-                                       .wake_self = w};
-    w->fullscreen = w->viewer.state.fullscreen = a->fullscreen;
-    return viewer_open(&w->viewer, w->gpu, &how);
+                                       .wake = wake_window,
+                                       .wake_self = watch};
+    watch->fullscreen = watch->viewer.state.fullscreen = a->fullscreen;
+    return viewer_open(&watch->viewer, watch->gpu, &how);
 }
 
-static void watch_close(struct watch *w)
+static void watch_close(struct watch *watch)
 {
-    viewer_close(&w->viewer);
-    gpu_close(&w->gpu);
-    window_close(&w->screen);
+    viewer_close(&watch->viewer);
+    gpu_close(&watch->gpu);
+    window_close(&watch->screen);
 }
 
 // After the graphics device was lost (driver reset, suspend): everything on it is created again, and the take restarts.
-static enum status watch_reopen(struct watch *w)
+static enum status watch_reopen(struct watch *watch)
 {
-    const struct viewer *t = &w->viewer;
-    struct watch_arguments again = *w->arguments;
-    char *take = t->take_view ? strdup(t->takes.cards[t->state.take].name) : NULL;
+    const struct viewer *viewer = &watch->viewer;
+    struct watch_arguments again = *watch->arguments;
+    char *take = viewer->take_view ? strdup(viewer->takes.cards[viewer->state.take].name) : NULL;
     again.take = take ? take : again.take;
-    again.light = !t->state.dark;
-    again.text = t->state.text_size;
-    again.mirrored = t->options.sensor ? t->state.live.mirrored : t->state.placement.mirrored;
-    again.fullscreen = w->fullscreen;
-    watch_close(w);
-    w->status_text[0] = 0;
-    w->placed_before = 0;
-    w->hidden = false;
-    const struct watch_arguments *given = w->arguments;
-    w->arguments = &again;
-    enum status status = watch_open(w);
-    w->arguments = given;
-    w->viewer.options.take = given->take; // `take` is freed below
+    again.light = !viewer->state.dark;
+    again.text = viewer->state.text_size;
+    again.mirrored = viewer->options.sensor ? viewer->state.live.mirrored : viewer->state.placement.mirrored;
+    again.fullscreen = watch->fullscreen;
+    watch_close(watch);
+    watch->status_text[0] = 0;
+    watch->placed_before = 0;
+    watch->hidden = false;
+    const struct watch_arguments *given = watch->arguments;
+    watch->arguments = &again;
+    enum status status = watch_open(watch);
+    watch->arguments = given;
+    watch->viewer.options.take = given->take; // `take` is freed below
     free(take);
     return status;
 }
@@ -253,110 +255,111 @@ static enum status watch_reopen(struct watch *w)
 // ---------------------------------------------------------------- the loop
 
 // Handles events until none is left, or one needs a redraw first.
-static void handle_events(struct watch *w, int wait_ms)
+static void handle_events(struct watch *watch, int wait_ms)
 {
     for (;;) {
-        struct window_event event = window_wait(w->screen, wait_ms);
+        struct window_event event = window_wait(watch->screen, wait_ms);
         wait_ms = 0;
         if (event.kind == WINDOW_NO_EVENT)
             return;
         if (event.kind == WINDOW_HIDDEN || event.kind == WINDOW_SHOWN)
-            viewer_suspend(&w->viewer, w->hidden = event.kind == WINDOW_HIDDEN, clock_now_ns());
-        if (viewer_event(&w->viewer, &event, px_per_dp(w), clock_now_ns()))
+            viewer_suspend(&watch->viewer, watch->hidden = event.kind == WINDOW_HIDDEN, clock_now_ns());
+        if (viewer_event(&watch->viewer, &event, px_per_dp(watch), clock_now_ns()))
             return;
     }
 }
 
 // Prints what the screen shows when it changes, for tests and logs.
-static void print_status_change(struct watch *w)
+static void print_status_change(struct watch *watch)
 {
-    const struct viewer *t = &w->viewer;
-    const char *hint = view_state_hint(&t->state), *shown = hint;
+    const struct viewer *viewer = &watch->viewer;
+    const char *hint = view_state_hint(&viewer->state), *shown = hint;
     if (!hint)
-        shown = t->placed > w->placed_before ? "the actor in place" : w->status_text;
-    if (strcmp(shown, w->status_text))
+        shown = viewer->placed > watch->placed_before ? "the actor in place" : watch->status_text;
+    if (strcmp(shown, watch->status_text))
         printf("shows     %s\n", shown);
     fflush(stdout);
-    snprintf(w->status_text, sizeof w->status_text, "%s", shown);
+    snprintf(watch->status_text, sizeof watch->status_text, "%s", shown);
     if (hint)
-        w->placed_before = t->placed;
+        watch->placed_before = viewer->placed;
 }
 
 // What was pressed while another page was on the screen was not meant for this one.
-static void drop_older_input(struct watch *w)
+static void drop_older_input(struct watch *watch)
 {
-    const int page = w->viewer.input.shown_page;
-    if (page != w->page_shown) {
-        window_drop_input(w->screen);
-        input_map_forget(&w->viewer.input);
+    const int page = watch->viewer.input.shown_page;
+    if (page != watch->page_shown) {
+        window_drop_input(watch->screen);
+        input_map_forget(&watch->viewer.input);
     }
-    w->page_shown = page;
+    watch->page_shown = page;
 }
 
-static enum status draw(struct watch *w, int64_t now_ns)
+static enum status draw_window(struct watch *watch, int64_t now_ns)
 {
     struct viewer_surface surface;
-    surface_of(w, &surface);
-    if (w->fullscreen != w->viewer.state.fullscreen)
-        window_fullscreen(w->screen, w->fullscreen = w->viewer.state.fullscreen);
-    enum status status = viewer_draw(&w->viewer, &surface, now_ns);
+    surface_of(watch, &surface);
+    if (watch->fullscreen != watch->viewer.state.fullscreen)
+        window_fullscreen(watch->screen, watch->fullscreen = watch->viewer.state.fullscreen);
+    enum status status = viewer_draw(&watch->viewer, &surface, now_ns);
     if (status != OK)
         return status;
-    window_present(w->screen);
-    drop_older_input(w);
-    w->shown_ns = clock_now_ns();
-    viewer_presented(&w->viewer, w->shown_ns);
-    if (w->arguments->stats) {
-        print_milestones(w);
-        print_status_change(w);
+    window_present(watch->screen);
+    drop_older_input(watch);
+    watch->shown_ns = clock_now_ns();
+    viewer_presented(&watch->viewer, watch->shown_ns);
+    if (watch->arguments->stats) {
+        print_milestones(watch);
+        print_status_change(watch);
     }
     return OK;
 }
 
-static enum status watch_loop(struct watch *w)
+static enum status watch_loop(struct watch *watch)
 {
-    struct view_state *s = &w->viewer.state;
-    const int64_t frame_ns = (int64_t)(1e9 / window_refresh_hz(w->screen));
+    struct view_state *s = &watch->viewer.state;
+    const int64_t frame_ns = (int64_t)(1e9 / window_refresh_hz(watch->screen));
     int64_t due_ns = 0;
     while (!command_stopped() && !s->quit) {
         int64_t now_ns = clock_now_ns();
-        int64_t wait_ns = w->hidden ? 500000000 : due_ns - now_ns;
-        if (w->until_ns && w->until_ns - now_ns < wait_ns)
-            wait_ns = w->until_ns - now_ns;
-        handle_events(w, (int)((clamp_int64(wait_ns, 0, 500000000) + 999999) / 1000000));
+        int64_t wait_ns = watch->hidden ? 500000000 : due_ns - now_ns;
+        if (watch->until_ns && watch->until_ns - now_ns < wait_ns)
+            wait_ns = watch->until_ns - now_ns;
+        handle_events(watch, (int)((clamp_int64(wait_ns, 0, 500000000) + 999999) / 1000000));
         now_ns = clock_now_ns();
-        if (w->until_ns && now_ns >= w->until_ns)
+        if (watch->until_ns && now_ns >= watch->until_ns)
             return OK;
-        if (w->hidden)
+        if (watch->hidden)
             continue;
-        due_ns = viewer_update(&w->viewer, now_ns);
-        window_type(w->screen, view_state_types(s));
+        due_ns = viewer_update(&watch->viewer, now_ns);
+        window_type(watch->screen, view_state_types(s));
         if (s->changed) {
-            enum status status = draw(w, now_ns);
+            enum status status = draw_window(watch, now_ns);
             if (status != OK)
                 return status;
         }
         // Animations run at the display's rate, also where presenting does not wait for it.
-        if ((s->changed || due_ns <= now_ns) && due_ns < w->shown_ns + frame_ns)
+        if ((s->changed || due_ns <= now_ns) && due_ns < watch->shown_ns + frame_ns)
             due_ns = now_ns + frame_ns - (clock_now_ns() - now_ns);
     }
     return OK;
 }
 
-static void print_stats(const struct watch *w)
+static void print_stats(const struct watch *watch)
 {
-    const struct frame_times *t = &w->viewer.times;
-    struct camera_feed_state feed = w->viewer.feed ? camera_feed_query(w->viewer.feed) : (struct camera_feed_state){0};
-    printf("screen    %s, %s\n", window_driver(w->screen), gpu_renderer(w->gpu));
+    const struct frame_times *t = &watch->viewer.times;
+    struct camera_feed_state feed =
+        watch->viewer.feed ? camera_feed_query(watch->viewer.feed) : (struct camera_feed_state){0};
+    printf("screen    %s, %s\n", window_driver(watch->screen), gpu_renderer(watch->gpu));
     printf("pictures  %lld from the camera, %lld skipped, %lld drawn, %lld with the actor in place\n",
-           (long long)feed.received, (long long)feed.dropped, (long long)t->frames, (long long)w->viewer.placed);
-    if (w->viewer.camera_texture) {
-        struct camera_texture_counts c = camera_texture_count(w->viewer.camera_texture);
+           (long long)feed.received, (long long)feed.dropped, (long long)t->frames, (long long)watch->viewer.placed);
+    if (watch->viewer.camera_texture) {
+        struct camera_texture_counts c = camera_texture_count(watch->viewer.camera_texture);
         printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.imported,
                (long long)c.uploaded, *c.why ? ": " : "", c.why);
     }
-    if (w->viewer.live.sensor) {
-        const struct live_sensor_state s = live_sensor_query(w->viewer.live.sensor);
+    if (watch->viewer.live.sensor) {
+        const struct live_sensor_state s = live_sensor_query(watch->viewer.live.sensor);
         printf("sensor    %lld frames tracked, %lld not; body points in %lld of their images%s%s\n",
                (long long)s.received, (long long)s.dropped, (long long)s.looked, *s.no_body_points ? ": " : "",
                s.no_body_points);
@@ -370,7 +373,7 @@ int reenact_watch(int argc, char **argv)
 {
     static const struct argp argp = {
         options,
-        parse,
+        parse_option,
         "FILE",
         "Watch a recorded person, life-size, where they stood.\v"
         "Through a camera the actor stands in its picture; without one, or with O, you walk round by dragging and come "

@@ -2,8 +2,9 @@
 #pragma once
 #include "capture/coaching/coach.h"
 #include "capture/recorder.h"
-#include <pthread.h>
 #include "recording/recorded_verdict.h"
+
+#include <pthread.h>
 
 // ---------------------------------------------------------------- coaching line
 
@@ -15,14 +16,15 @@ struct coaching_line {
     char text[96];      // guarded by lock
 };
 
-void coaching_line_start(struct coaching_line *l, const struct calibration *calibration, enum verdict_purpose purpose);
-void coaching_line_end(struct coaching_line *l);
+void coaching_line_start(struct coaching_line *line, const struct calibration *calibration,
+                         enum verdict_purpose purpose);
+void coaching_line_end(struct coaching_line *line);
 
 // For recorder_options.on_seen; context: the line.
-void coaching_line_see(struct coaching_line *l, const struct recorder_seen *seen);
+void coaching_line_see(struct coaching_line *line, const struct recorder_seen *seen);
 
 // "41 % of the body seen · turn left", for a status line.
-void coaching_line_text(struct coaching_line *l, char *out, size_t capacity);
+void coaching_line_text(struct coaching_line *line, char *out, size_t capacity);
 
 // ---------------------------------------------------------------- take summary
 
@@ -38,7 +40,7 @@ struct take_summary {
 struct take_summary take_summarize(const struct take *take, const char *name);
 
 // Adds "verdict": {"good", "headline", "for", "good_for": {"compare", "watch"}, "lines"} to an object.
-void verdict_add_json(struct json *object, const struct take_verdict *v);
+void verdict_add_json(struct json *object, const struct take_verdict *take_verdict);
 
 // The representative frame's colour, or the nearest there is, as a JPEG `height` pixels high. NOTHING: no frame has
 // colour that can be read. ERR_MEMORY, ERR_IO. The caller frees *jpeg.

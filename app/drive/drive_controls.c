@@ -5,9 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
-static void drive_controls_stop(struct drive_controls *c, enum drive_halt why);
-static bool drive_controls_stick(const struct drive_controls *c, struct ui_point *stands);
-static bool drive_controls_stop_is_held(const struct drive_controls *c);
+static void drive_controls_stop(struct drive_controls *controls, enum drive_halt why);
+static bool drive_controls_stick(const struct drive_controls *controls, struct ui_point *stands);
+static bool drive_controls_stop_is_held(const struct drive_controls *controls);
 static const char *drive_halt_sentence(enum drive_halt why);
 
 // ---------------------------------------------------------------- drive controls draw
@@ -20,18 +20,18 @@ static uint32_t color_of(const uint8_t rgb[3])
 }
 
 // A disc with a white rim; the largest letters that fit.
-static void draw_stop(const struct drive_controls *c, const struct brush *b)
+static void draw_stop(const struct drive_controls *controls, const struct brush *brush)
 {
-    const struct ui_box box = c->box[PART_STOP];
+    const struct ui_box box = controls->box[PART_STOP];
     const double radius = box.w / 2;
-    const enum face face = ui_text_width(b->ui, FACE_TITLE, "STOP") < 1.7 * radius ? FACE_TITLE : FACE_STRONG;
-    ui_shadow(b->ui, box, radius, 10, b->theme->shadow);
-    ui_disc(b->ui, middle(box), radius, drive_controls_stop_is_held(c) ? STOP_HELD : STOP_RED);
-    ui_ring(b->ui, middle(box), radius - 4, 3, STOP_INK);
-    label_centred(b, face, box, STOP_INK, "STOP");
+    const enum face face = ui_text_width(brush->ui, FACE_TITLE, "STOP") < 1.7 * radius ? FACE_TITLE : FACE_STRONG;
+    ui_shadow(brush->ui, box, radius, 10, brush->theme->shadow);
+    ui_disc(brush->ui, middle(box), radius, drive_controls_stop_is_held(controls) ? STOP_HELD : STOP_RED);
+    ui_ring(brush->ui, middle(box), radius - 4, 3, STOP_INK);
+    label_centred(brush, face, box, STOP_INK, "STOP");
 }
 
-static void draw_arrows(const struct brush *b, struct ui_box box)
+static void draw_arrows(const struct brush *brush, struct ui_box box)
 {
     const struct ui_point m = middle(box);
     const double out = 0.43 * box.w, side = 0.05 * box.w, in = 0.36 * box.w;
@@ -41,85 +41,90 @@ static void draw_arrows(const struct brush *b, struct ui_box box)
         const struct ui_point tip[3] = {{m.x + in * x - side * y, m.y + in * y + side * x},
                                         {m.x + out * x, m.y + out * y},
                                         {m.x + in * x + side * y, m.y + in * y - side * x}};
-        ui_stroke(b->ui, tip, 3, false, 3, faint(b->theme->text, 0.8));
+        ui_stroke(brush->ui, tip, 3, false, 3, faint(brush->theme->text, 0.8));
     }
 }
 
-static void draw_stick(const struct drive_controls *c, const struct brush *b)
+static void draw_stick(const struct drive_controls *controls, const struct brush *brush)
 {
-    const struct ui_box box = c->box[PART_STICK];
+    const struct ui_box box = controls->box[PART_STICK];
     struct ui_point stands, m = middle(box);
-    const bool held = drive_controls_stick(c, &stands);
-    ui_disc(b->ui, m, box.w / 2, faint(b->theme->glass, 0.55));
-    ui_ring(b->ui, m, box.w / 2 - 2, 2, faint(b->theme->text, 0.5));
-    draw_arrows(b, box);
+    const bool held = drive_controls_stick(controls, &stands);
+    ui_disc(brush->ui, m, box.w / 2, faint(brush->theme->glass, 0.55));
+    ui_ring(brush->ui, m, box.w / 2 - 2, 2, faint(brush->theme->text, 0.5));
+    draw_arrows(brush, box);
     m.x += 0.3 * box.w * stands.x;
     m.y += 0.3 * box.h * stands.y;
-    ui_disc(b->ui, m, 0.19 * box.w, held ? b->theme->text : faint(b->theme->text, 0.75));
+    ui_disc(brush->ui, m, 0.19 * box.w, held ? brush->theme->text : faint(brush->theme->text, 0.75));
 }
 
-static void draw_button(const struct drive_controls *c, const struct brush *b, enum drive_part part, const char *text)
+static void draw_button(const struct drive_controls *controls, const struct brush *brush, enum drive_part part,
+                        const char *text)
 {
-    const struct ui_box box = c->box[part];
-    ui_fill(b->ui, box, ROUND, b->theme->glass);
-    ui_border(b->ui, box, ROUND, 1, b->theme->hairline);
-    label_centred(b, FACE_STRONG, box, b->theme->text, text);
+    const struct ui_box box = controls->box[part];
+    ui_fill(brush->ui, box, ROUND, brush->theme->glass);
+    ui_border(brush->ui, box, ROUND, 1, brush->theme->hairline);
+    label_centred(brush, FACE_STRONG, box, brush->theme->text, text);
 }
 
 // One line of the readings; moves *at down.
-static void line(const struct brush *b, struct ui_point *at, enum face face, uint32_t color, const char *text)
+static void draw_reading(const struct brush *brush, struct ui_point *at, enum face face, uint32_t color,
+                         const char *text)
 {
-    const double height = ui_text_height(b->ui, (int)face, text, 0);
-    const struct ui_box ground = {at->x, at->y, ui_text_width(b->ui, (int)face, text) + 20, height + 8};
-    ui_fill(b->ui, ground, 10, faint(b->theme->glass, 0.8));
-    ui_text(b->ui, (int)face, (struct ui_point){at->x + 10, at->y + 4}, color, text);
+    const double height = ui_text_height(brush->ui, (int)face, text, 0);
+    const struct ui_box ground = {at->x, at->y, ui_text_width(brush->ui, (int)face, text) + 20, height + 8};
+    ui_fill(brush->ui, ground, 10, faint(brush->theme->glass, 0.8));
+    ui_text(brush->ui, (int)face, (struct ui_point){at->x + 10, at->y + 4}, color, text);
     at->y += ground.h + 4;
 }
 
-static void draw_readings(const struct drive_controls *c, const struct drive_readings *r, const struct brush *b)
+static void draw_readings(const struct drive_controls *controls, const struct drive_readings *readings,
+                          const struct brush *brush)
 {
     char text[64];
-    const struct theme *t = b->theme;
-    struct ui_point at = {MARGIN, c->box[PART_LEAVE].y + c->box[PART_LEAVE].h + GAP};
-    if (r->near) {
-        const enum overlay_warning warning = overlay_warning_of(r->nearest_m);
-        snprintf(text, sizeof text, "%s%.2f m", warning == WARNING_TOUCHING ? "Too near: " : "Nearest ", r->nearest_m);
-        line(b, &at, FACE_HEAD, color_of(overlay_warning_color(warning)), text);
+    const struct theme *t = brush->theme;
+    struct ui_point at = {MARGIN, controls->box[PART_LEAVE].y + controls->box[PART_LEAVE].h + GAP};
+    if (readings->near) {
+        const enum overlay_warning warning = overlay_warning_of(readings->nearest_m);
+        snprintf(text, sizeof text, "%s%.2f m", warning == WARNING_TOUCHING ? "Too near: " : "Nearest ",
+                 readings->nearest_m);
+        draw_reading(brush, &at, FACE_HEAD, color_of(overlay_warning_color(warning)), text);
     }
-    snprintf(text, sizeof text, "%.2f m/s", r->command.speed);
-    line(b, &at, FACE_BODY, t->text, text);
-    snprintf(text, sizeof text, "Picture %.1f s old", fmin(r->age_s, 9999));
-    line(b, &at, FACE_BODY, r->picture_old ? t->warn : t->quiet, text);
+    snprintf(text, sizeof text, "%.2f m/s", readings->command.speed);
+    draw_reading(brush, &at, FACE_BODY, t->text, text);
+    snprintf(text, sizeof text, "Picture %.1f s old", fmin(readings->age_s, 9999));
+    draw_reading(brush, &at, FACE_BODY, readings->picture_old ? t->warn : t->quiet, text);
 }
 
 // In the middle, above stick and STOP, as wide as it must be.
-static void draw_sentence(const struct drive_controls *c, const struct drive_readings *r, const struct brush *b)
+static void draw_sentence(const struct drive_controls *controls, const struct drive_readings *readings,
+                          const struct brush *brush)
 {
-    const char *why = r->link_lost ? "LINK LOST: the robot stands" : drive_halt_sentence(c->halt);
+    const char *why = readings->link_lost ? "LINK LOST: the robot stands" : drive_halt_sentence(controls->halt);
     if (!why)
         return;
-    const double width = fmin(c->width - 2 * MARGIN, ui_text_width(b->ui, FACE_STRONG, why) + 2 * MARGIN);
-    const double height = ui_text_height(b->ui, FACE_STRONG, why, width - 2 * MARGIN);
-    const double bottom = fmin(c->box[PART_STICK].y, c->box[PART_STOP].y) - GAP;
-    const struct ui_box box = {(c->width - width) / 2, bottom - height - 16, width, height + 16};
-    ui_fill(b->ui, box, 12, b->theme->glass);
-    ui_border(b->ui, box, 12, 2, r->link_lost ? b->theme->wrong : b->theme->warn);
-    ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + MARGIN, box.y + 8}, width - 2 * MARGIN, b->theme->text,
-                  why);
+    const double width = fmin(controls->width - 2 * MARGIN, ui_text_width(brush->ui, FACE_STRONG, why) + 2 * MARGIN);
+    const double height = ui_text_height(brush->ui, FACE_STRONG, why, width - 2 * MARGIN);
+    const double bottom = fmin(controls->box[PART_STICK].y, controls->box[PART_STOP].y) - GAP;
+    const struct ui_box box = {(controls->width - width) / 2, bottom - height - 16, width, height + 16};
+    ui_fill(brush->ui, box, 12, brush->theme->glass);
+    ui_border(brush->ui, box, 12, 2, readings->link_lost ? brush->theme->wrong : brush->theme->warn);
+    ui_text_lines(brush->ui, FACE_STRONG, (struct ui_point){box.x + MARGIN, box.y + 8}, width - 2 * MARGIN,
+                  brush->theme->text, why);
 }
 
-void drive_controls_draw(const struct drive_controls *c, const struct drive_readings *readings,
-                         enum viewpoint viewpoint, bool map, const struct brush *b)
+void drive_controls_draw(const struct drive_controls *controls, const struct drive_readings *readings,
+                         enum viewpoint viewpoint, bool map, const struct brush *brush)
 {
     static const char *const seen_from[] = {
         [VIEWPOINT_FIRST] = "Ahead", [VIEWPOINT_THIRD] = "Behind", [VIEWPOINT_ABOVE] = "Above"};
-    draw_button(c, b, PART_LEAVE, "Leave");
-    draw_button(c, b, PART_VIEWPOINT, seen_from[viewpoint]);
-    draw_button(c, b, PART_MAP, map ? "No map" : "Map");
-    draw_readings(c, readings, b);
-    draw_stick(c, b);
-    draw_sentence(c, readings, b);
-    draw_stop(c, b);
+    draw_button(controls, brush, PART_LEAVE, "Leave");
+    draw_button(controls, brush, PART_VIEWPOINT, seen_from[viewpoint]);
+    draw_button(controls, brush, PART_MAP, map ? "No map" : "Map");
+    draw_readings(controls, readings, brush);
+    draw_stick(controls, brush);
+    draw_sentence(controls, readings, brush);
+    draw_stop(controls, brush);
 }
 
 // ---------------------------------------------------------------- drive controls
@@ -131,116 +136,117 @@ static const int64_t SETTLED_NS = 150000000;
 
 // ---------------------------------------------------------------- where they are
 
-void drive_controls_place(struct drive_controls *c, double width, double height)
+void drive_controls_place(struct drive_controls *controls, double width, double height)
 {
-    if (width == c->width && height == c->height)
+    if (width == controls->width && height == controls->height)
         return;
-    if (c->width > 0)
-        drive_controls_stop(c, HALT_RESIZED);
-    const double least = fmin(width, height);
-    const double stop = fmin(170, fmax(96, 0.3 * least)), stick = fmin(240, fmax(130, 0.42 * least));
+    if (controls->width > 0)
+        drive_controls_stop(controls, HALT_RESIZED);
+    const double min = fmin(width, height);
+    const double stop = fmin(170, fmax(96, 0.3 * min)), stick = fmin(240, fmax(130, 0.42 * min));
     const double scale = fmin(1, fmin(width / (stop + stick + 3 * MARGIN), height / (stick + TARGET + 3 * MARGIN)));
     const double button = fmin(110, (width - 2 * MARGIN - 2 * GAP) / 3);
-    c->width = width;
-    c->height = height;
-    c->box[PART_STOP] =
+    controls->width = width;
+    controls->height = height;
+    controls->box[PART_STOP] =
         (struct ui_box){width - MARGIN - scale * stop, height - MARGIN - scale * stop, scale * stop, scale * stop};
-    c->box[PART_STICK] = (struct ui_box){MARGIN, height - MARGIN - scale * stick, scale * stick, scale * stick};
+    controls->box[PART_STICK] = (struct ui_box){MARGIN, height - MARGIN - scale * stick, scale * stick, scale * stick};
     for (int i = 0; i < 3; i++)
-        c->box[PART_LEAVE + i] = (struct ui_box){MARGIN + i * (button + GAP), MARGIN, button, TARGET};
+        controls->box[PART_LEAVE + i] = (struct ui_box){MARGIN + i * (button + GAP), MARGIN, button, TARGET};
 }
 
-static bool within(struct ui_box box, struct ui_point p)
+static bool is_in_box(struct ui_box box, struct ui_point point)
 {
-    return p.x >= box.x && p.y >= box.y && p.x < box.x + box.w && p.y < box.y + box.h;
+    return point.x >= box.x && point.y >= box.y && point.x < box.x + box.w && point.y < box.y + box.h;
 }
 
-static enum drive_part part_at(const struct drive_controls *c, struct ui_point p)
+static enum drive_part part_at(const struct drive_controls *controls, struct ui_point point)
 {
     for (int i = PART_STOP; i < DRIVE_PARTS; i++)
-        if (within(c->box[i], p))
+        if (is_in_box(controls->box[i], point))
             return (enum drive_part)i;
     return PART_NOTHING;
 }
 
 // ---------------------------------------------------------------- what they say
 
-static bool drive_controls_stop_is_held(const struct drive_controls *c)
+static bool drive_controls_stop_is_held(const struct drive_controls *controls)
 {
-    for (int i = 0; i < c->fingers; i++)
-        if (c->finger[i].part == PART_STOP)
+    for (int i = 0; i < controls->fingers; i++)
+        if (controls->finger[i].part == PART_STOP)
             return true;
     return false;
 }
 
-static double bounded(double x) { return fmax(-1, fmin(1, x)); }
+static double clamp_to_unit(double x) { return fmax(-1, fmin(1, x)); }
 
 // Where the stick stands, -1..1: to the right and downwards. False: no finger holds it.
-static bool drive_controls_stick(const struct drive_controls *c, struct ui_point *stands)
+static bool drive_controls_stick(const struct drive_controls *controls, struct ui_point *stands)
 {
-    const struct ui_box box = c->box[PART_STICK];
+    const struct ui_box box = controls->box[PART_STICK];
     const struct ui_point m = middle(box);
     *stands = (struct ui_point){0, 0};
-    for (int i = 0; i < c->fingers; i++)
-        if (c->finger[i].part == PART_STICK) {
-            *stands = (struct ui_point){bounded((c->finger[i].at.x - m.x) / (0.4 * box.w)),
-                                        bounded((c->finger[i].at.y - m.y) / (0.4 * box.h))};
+    for (int i = 0; i < controls->fingers; i++)
+        if (controls->finger[i].part == PART_STICK) {
+            *stands = (struct ui_point){clamp_to_unit((controls->finger[i].at.x - m.x) / (0.4 * box.w)),
+                                        clamp_to_unit((controls->finger[i].at.y - m.y) / (0.4 * box.h))};
             return true;
         }
     return false;
 }
 
-struct drive_command drive_controls_command(const struct drive_controls *c)
+struct drive_command drive_controls_command(const struct drive_controls *controls)
 {
     struct drive_command out = {0, 0};
     struct ui_point stick;
     const double dead = 0.15; // of the stick: who drives straight on turns by this much without wanting to
-    if (drive_controls_stop_is_held(c))
+    if (drive_controls_stop_is_held(controls))
         return out;
-    if (drive_controls_stick(c, &stick)) {
+    if (drive_controls_stick(controls, &stick)) {
         out.speed = fabs(stick.y) > dead ? -stick.y * DRIVE_FASTEST_M_S : 0;
         out.turn_rate = fabs(stick.x) > dead ? -stick.x * DRIVE_FASTEST_RAD_S : 0;
-    } else if (c->key[KEY_UP] || c->key[KEY_DOWN] || c->key[KEY_LEFT] || c->key[KEY_RIGHT]) {
-        out.speed = (c->key[KEY_UP] - c->key[KEY_DOWN]) * DRIVE_KEY_M_S;
-        out.turn_rate = (c->key[KEY_LEFT] - c->key[KEY_RIGHT]) * DRIVE_KEY_RAD_S;
-    } else if (!c->pad_halted) {
-        out.speed = c->pad_speed * DRIVE_FASTEST_M_S;
-        out.turn_rate = c->pad_turn * DRIVE_FASTEST_RAD_S;
+    } else if (controls->key[KEY_UP] || controls->key[KEY_DOWN] || controls->key[KEY_LEFT] ||
+               controls->key[KEY_RIGHT]) {
+        out.speed = (controls->key[KEY_UP] - controls->key[KEY_DOWN]) * DRIVE_KEY_M_S;
+        out.turn_rate = (controls->key[KEY_LEFT] - controls->key[KEY_RIGHT]) * DRIVE_KEY_RAD_S;
+    } else if (!controls->pad_halted) {
+        out.speed = controls->pad_speed * DRIVE_FASTEST_M_S;
+        out.turn_rate = controls->pad_turn * DRIVE_FASTEST_RAD_S;
     }
     return out;
 }
 
-static bool drives(const struct drive_controls *c)
+static bool is_driving(const struct drive_controls *controls)
 {
-    const struct drive_command now = drive_controls_command(c);
+    const struct drive_command now = drive_controls_command(controls);
     return now.speed != 0 || now.turn_rate != 0;
 }
 
-static void drive_controls_stop(struct drive_controls *c, enum drive_halt why)
+static void drive_controls_stop(struct drive_controls *controls, enum drive_halt why)
 {
     struct ui_point stick;
-    const bool held = drive_controls_stick(c, &stick) || drives(c);
-    memset(c->key, 0, sizeof c->key);
-    for (int i = 0; i < c->fingers; i++)
-        if (c->finger[i].part == PART_STICK)
-            c->finger[i].part = PART_SPENT;
-    c->pad_halted = c->pad_speed != 0 || c->pad_turn != 0;
+    const bool held = drive_controls_stick(controls, &stick) || is_driving(controls);
+    memset(controls->key, 0, sizeof controls->key);
+    for (int i = 0; i < controls->fingers; i++)
+        if (controls->finger[i].part == PART_STICK)
+            controls->finger[i].part = PART_SPENT;
+    controls->pad_halted = controls->pad_speed != 0 || controls->pad_turn != 0;
     if (held || why == HALT_STOP)
-        c->halt = why;
+        controls->halt = why;
 }
 
-void drive_controls_tick(struct drive_controls *c, const struct drive_readings *readings, int64_t now_ns)
+void drive_controls_tick(struct drive_controls *controls, const struct drive_readings *readings, int64_t now_ns)
 {
-    const bool gap = c->ticked_ns && now_ns - c->ticked_ns > DRIVE_GAP_NS;
-    c->ticked_ns = now_ns;
+    const bool gap = controls->ticked_ns && now_ns - controls->ticked_ns > DRIVE_GAP_NS;
+    controls->ticked_ns = now_ns;
     if (gap)
-        drive_controls_stop(c, HALT_GAP);
+        drive_controls_stop(controls, HALT_GAP);
     else if (readings->link_lost)
-        drive_controls_stop(c, HALT_LINK);
+        drive_controls_stop(controls, HALT_LINK);
     else if (readings->interrupted)
-        drive_controls_stop(c, HALT_INTERRUPTED);
-    else if (readings->picture_old && drives(c))
-        drive_controls_stop(c, HALT_PICTURE);
+        drive_controls_stop(controls, HALT_INTERRUPTED);
+    else if (readings->picture_old && is_driving(controls))
+        drive_controls_stop(controls, HALT_PICTURE);
 }
 
 // Why the robot stands, for the operator; NULL: by nothing but that nothing is held.
@@ -273,133 +279,135 @@ static int key_of(int key)
     }
 }
 
-static bool on_key(struct drive_controls *c, const struct window_event *e, int64_t now_ns, enum drive_part *tapped)
+static bool on_key(struct drive_controls *controls, const struct window_event *event, int64_t now_ns,
+                   enum drive_part *tapped)
 {
-    const int arrow = key_of(e->key);
+    const int arrow = key_of(event->key);
     if (arrow >= 0) {
-        const bool fresh = !e->repeat && !(c->focused_ns && now_ns - c->focused_ns < SETTLED_NS);
-        if (fresh && !drive_controls_stop_is_held(c)) {
-            c->key[arrow] = true;
-            c->halt = HALT_NONE;
+        const bool fresh = !event->repeat && !(controls->focused_ns && now_ns - controls->focused_ns < SETTLED_NS);
+        if (fresh && !drive_controls_stop_is_held(controls)) {
+            controls->key[arrow] = true;
+            controls->halt = HALT_NONE;
         }
         return true;
     }
-    switch (e->key) {
-    case WINDOW_KEY_SPACE: drive_controls_stop(c, HALT_STOP); return true;
+    switch (event->key) {
+    case WINDOW_KEY_SPACE: drive_controls_stop(controls, HALT_STOP); return true;
     case WINDOW_KEY_ESCAPE:
     case WINDOW_KEY_BACK: {
         struct ui_point stick;
-        if (!drives(c) && !drive_controls_stick(c, &stick) && !e->repeat)
+        if (!is_driving(controls) && !drive_controls_stick(controls, &stick) && !event->repeat)
             *tapped = PART_LEAVE;
-        drive_controls_stop(c, HALT_STOP);
+        drive_controls_stop(controls, HALT_STOP);
         return true;
     }
     default: return false;
     }
 }
 
-static struct drive_finger *finger_of(struct drive_controls *c, int64_t pointer)
+static struct drive_finger *finger_of(struct drive_controls *controls, int64_t pointer)
 {
-    for (int i = 0; i < c->fingers; i++)
-        if (c->finger[i].pointer == pointer)
-            return &c->finger[i];
+    for (int i = 0; i < controls->fingers; i++)
+        if (controls->finger[i].pointer == pointer)
+            return &controls->finger[i];
     return NULL;
 }
 
-static bool on_down(struct drive_controls *c, const struct window_event *e)
+static bool on_down(struct drive_controls *controls, const struct window_event *event)
 {
-    const struct ui_point at = {e->x, e->y};
-    enum drive_part part = part_at(c, at);
+    const struct ui_point at = {event->x, event->y};
+    enum drive_part part = part_at(controls, at);
     struct ui_point stick;
-    struct drive_finger *finger = finger_of(c, e->pointer); // its going up was lost
+    struct drive_finger *finger = finger_of(controls, event->pointer); // its going up was lost
     if (finger)
-        *finger = c->finger[--c->fingers];
+        *finger = controls->finger[--controls->fingers];
     if (part == PART_STOP)
-        drive_controls_stop(c, HALT_STOP);
+        drive_controls_stop(controls, HALT_STOP);
     const bool was_part = part != PART_NOTHING;
-    if (part == PART_STICK && (drive_controls_stick(c, &stick) || drive_controls_stop_is_held(c)))
+    if (part == PART_STICK && (drive_controls_stick(controls, &stick) || drive_controls_stop_is_held(controls)))
         part = PART_SPENT; // another finger holds it; this one does not take it over later
     if (part == PART_STICK)
-        c->halt = HALT_NONE;
-    if (c->fingers < DRIVE_FINGERS)
-        c->finger[c->fingers++] = (struct drive_finger){e->pointer, part, at};
+        controls->halt = HALT_NONE;
+    if (controls->fingers < DRIVE_FINGERS)
+        controls->finger[controls->fingers++] = (struct drive_finger){event->pointer, part, at};
     return was_part;
 }
 
-static bool on_move(struct drive_controls *c, const struct window_event *e)
+static bool on_move(struct drive_controls *controls, const struct window_event *event)
 {
-    struct drive_finger *finger = finger_of(c, e->pointer);
+    struct drive_finger *finger = finger_of(controls, event->pointer);
     if (!finger)
         return false;
-    finger->at = (struct ui_point){e->x, e->y};
-    if (finger->part == PART_STICK && within(c->box[PART_STOP], finger->at)) {
-        drive_controls_stop(c, HALT_STOP);
+    finger->at = (struct ui_point){event->x, event->y};
+    if (finger->part == PART_STICK && is_in_box(controls->box[PART_STOP], finger->at)) {
+        drive_controls_stop(controls, HALT_STOP);
         return true;
     }
     return finger->part != PART_NOTHING;
 }
 
-static bool on_up(struct drive_controls *c, const struct window_event *e, enum drive_part *tapped)
+static bool on_up(struct drive_controls *controls, const struct window_event *event, enum drive_part *tapped)
 {
-    struct drive_finger *finger = finger_of(c, e->pointer);
+    struct drive_finger *finger = finger_of(controls, event->pointer);
     if (!finger)
         return false;
     const enum drive_part part = finger->part;
-    *finger = c->finger[--c->fingers];
-    if (part >= PART_LEAVE && part_at(c, (struct ui_point){e->x, e->y}) == part)
+    *finger = controls->finger[--controls->fingers];
+    if (part >= PART_LEAVE && part_at(controls, (struct ui_point){event->x, event->y}) == part)
         *tapped = part;
     return part != PART_NOTHING;
 }
 
-static bool on_pad(struct drive_controls *c, const struct window_event *e)
+static bool on_pad(struct drive_controls *controls, const struct window_event *event)
 {
-    if (e->kind == WINDOW_PAD_BUTTON) {
-        const bool stops = e->button == PAD_A || e->button == PAD_B || e->button == PAD_BACK || e->button == PAD_START;
+    if (event->kind == WINDOW_PAD_BUTTON) {
+        const bool stops =
+            event->button == PAD_A || event->button == PAD_B || event->button == PAD_BACK || event->button == PAD_START;
         if (stops)
-            drive_controls_stop(c, HALT_STOP);
+            drive_controls_stop(controls, HALT_STOP);
         return stops;
     }
-    if (e->axis != PAD_LEFT_X && e->axis != PAD_LEFT_Y)
+    if (event->axis != PAD_LEFT_X && event->axis != PAD_LEFT_Y)
         return false;
-    *(e->axis == PAD_LEFT_X ? &c->pad_turn : &c->pad_speed) = -e->amount;
-    if (c->pad_speed == 0 && c->pad_turn == 0)
-        c->pad_halted = false;
-    else if (drive_controls_stop_is_held(c))
-        c->pad_halted = true;
-    else if (!c->pad_halted)
-        c->halt = HALT_NONE;
+    *(event->axis == PAD_LEFT_X ? &controls->pad_turn : &controls->pad_speed) = -event->amount;
+    if (controls->pad_speed == 0 && controls->pad_turn == 0)
+        controls->pad_halted = false;
+    else if (drive_controls_stop_is_held(controls))
+        controls->pad_halted = true;
+    else if (!controls->pad_halted)
+        controls->halt = HALT_NONE;
     return true;
 }
 
 // Fingers whose going up may not be told any more.
-static void forget_fingers(struct drive_controls *c, enum drive_halt why)
+static void forget_fingers(struct drive_controls *controls, enum drive_halt why)
 {
-    drive_controls_stop(c, why);
-    c->fingers = 0;
+    drive_controls_stop(controls, why);
+    controls->fingers = 0;
 }
 
-bool drive_controls_event(struct drive_controls *c, const struct window_event *e, int64_t now_ns,
+bool drive_controls_event(struct drive_controls *controls, const struct window_event *event, int64_t now_ns,
                           enum drive_part *tapped)
 {
     *tapped = PART_NOTHING;
-    switch (e->kind) {
-    case WINDOW_KEY: return on_key(c, e, now_ns, tapped);
+    switch (event->kind) {
+    case WINDOW_KEY: return on_key(controls, event, now_ns, tapped);
     case WINDOW_KEY_RELEASED:
-        if (key_of(e->key) >= 0)
-            c->key[key_of(e->key)] = false;
-        return key_of(e->key) >= 0;
-    case WINDOW_POINTER_DOWN: return on_down(c, e);
-    case WINDOW_POINTER_MOVE: return on_move(c, e);
-    case WINDOW_POINTER_UP: return on_up(c, e, tapped);
+        if (key_of(event->key) >= 0)
+            controls->key[key_of(event->key)] = false;
+        return key_of(event->key) >= 0;
+    case WINDOW_POINTER_DOWN: return on_down(controls, event);
+    case WINDOW_POINTER_MOVE: return on_move(controls, event);
+    case WINDOW_POINTER_UP: return on_up(controls, event, tapped);
     case WINDOW_PAD_BUTTON:
-    case WINDOW_PAD_AXIS: return on_pad(c, e);
+    case WINDOW_PAD_AXIS: return on_pad(controls, event);
     case WINDOW_PAD_GONE:
-        drive_controls_stop(c, HALT_PAD_GONE);
-        c->pad_speed = c->pad_turn = 0;
+        drive_controls_stop(controls, HALT_PAD_GONE);
+        controls->pad_speed = controls->pad_turn = 0;
         return true;
-    case WINDOW_UNFOCUSED: forget_fingers(c, HALT_UNFOCUSED); return true;
-    case WINDOW_FOCUSED: c->focused_ns = now_ns; return true;
-    case WINDOW_HIDDEN: forget_fingers(c, HALT_HIDDEN); return true;
+    case WINDOW_UNFOCUSED: forget_fingers(controls, HALT_UNFOCUSED); return true;
+    case WINDOW_FOCUSED: controls->focused_ns = now_ns; return true;
+    case WINDOW_HIDDEN: forget_fingers(controls, HALT_HIDDEN); return true;
     default: return false;
     }
 }

@@ -6,10 +6,10 @@
 // else while it is held, and a finger that went down on it never drives, nor does one that went down elsewhere than on
 // the stick. Pure: no clock, no window. Lengths in dp, as events are given them.
 #pragma once
+#include "app/ui/widgets.h"
 #include "platform/screen/ui.h"
 #include "platform/screen/window.h"
 #include "surround/drive/drive_session.h"
-#include "app/ui/widgets.h"
 
 // Chosen by hand. The stick and a pad go up to the fastest, a key at a walking robot's pace: it knows no less.
 #define DRIVE_FASTEST_M_S   0.5
@@ -54,18 +54,18 @@ struct drive_controls {
 };
 
 // Lays the parts out for a screen of that size; on the smallest they are smaller. A change of size stops.
-void drive_controls_place(struct drive_controls *c, double width, double height);
+void drive_controls_place(struct drive_controls *controls, double width, double height);
 
 // True: the event was the controls', and nothing else is to be done with it but what *tapped says: PART_LEAVE,
 // PART_VIEWPOINT or PART_MAP. Escape (and a tablet's Back) stops a robot that is driven, and leaves else.
-bool drive_controls_event(struct drive_controls *c, const struct window_event *event, int64_t now_ns,
+bool drive_controls_event(struct drive_controls *controls, const struct window_event *event, int64_t now_ns,
                           enum drive_part *tapped);
 
 // Once before each command is sent, with what is known of the robot.
-void drive_controls_tick(struct drive_controls *c, const struct drive_readings *readings, int64_t now_ns);
+void drive_controls_tick(struct drive_controls *controls, const struct drive_readings *readings, int64_t now_ns);
 
 // What is to be sent now.
-struct drive_command drive_controls_command(const struct drive_controls *c);
+struct drive_command drive_controls_command(const struct drive_controls *controls);
 
 // ---------------------------------------------------------------- drive controls draw
 
@@ -73,5 +73,5 @@ struct drive_command drive_controls_command(const struct drive_controls *c);
 // fast the robot is, how far off what is nearest, in the colour of its warning, how old the picture is, and why it
 // stands.
 
-void drive_controls_draw(const struct drive_controls *c, const struct drive_readings *readings,
-                         enum viewpoint viewpoint, bool map, const struct brush *b);
+void drive_controls_draw(const struct drive_controls *controls, const struct drive_readings *readings,
+                         enum viewpoint viewpoint, bool map, const struct brush *brush);

@@ -17,15 +17,15 @@ static bool first_figure(const struct take *take, struct skeleton *out)
 }
 
 // A take that cannot be read shows no actor, as one without.
-static enum status read_actor(struct drive_place *p, struct recording *recording)
+static enum status read_actor(struct drive_place *place, struct recording *recording)
 {
     const int count = recording_take_count(recording);
-    for (int i = 0; i < count && !p->has_actor; i++) {
+    for (int i = 0; i < count && !place->has_actor; i++) {
         struct take *take;
         const enum status status = take_open(&take, recording, recording_take_name(recording, i));
         if (status == ERR_MEMORY)
             return status;
-        p->has_actor = status == OK && first_figure(take, &p->actor);
+        place->has_actor = status == OK && first_figure(take, &place->actor);
         take_close(&take);
     }
     return OK;
@@ -49,56 +49,57 @@ enum status drive_place_open(struct drive_place *p, struct gpu *gpu, const char 
     return status == OK ? robot_place_finder_start(&p->finder, place) : status;
 }
 
-void drive_place_close(struct drive_place *p)
+void drive_place_close(struct drive_place *place)
 {
-    robot_place_finder_close(&p->finder);
-    gpu_target_close(&p->bodies);
-    solid_renderer_close(&p->renderer);
-    room_things_close(&p->things);
-    *p = (struct drive_place){0};
+    robot_place_finder_close(&place->finder);
+    gpu_target_close(&place->bodies);
+    solid_renderer_close(&place->renderer);
+    room_things_close(&place->things);
+    *place = (struct drive_place){0};
 }
 
-void drive_place_update(struct drive_place *p, const struct surroundings *seen)
+void drive_place_update(struct drive_place *place, const struct surroundings *seen)
 {
-    robot_place_finder_update(p->finder, seen->pictures, seen->taken, &p->answer);
+    robot_place_finder_update(place->finder, seen->pictures, seen->taken, &place->answer);
 }
 
 // ---------------------------------------------------------------- drawing
 
-static void draw_line(const struct drive_place *p, const struct brush *b, struct ui_box box)
+static void draw_line(const struct drive_place *place, const struct brush *brush, struct ui_box box)
 {
     static const double height = 36;
-    const struct robot_place_answer *a = &p->answer;
+    const struct robot_place_answer *a = &place->answer;
     char text[480];
     if (a->state == ROBOT_PLACE_FAILED)
-        snprintf(text, sizeof text, "The robot is not looked for in %s: %s", p->name, a->trouble);
+        snprintf(text, sizeof text, "The robot is not looked for in %s: %s", place->name, a->trouble);
     else if (a->state == ROBOT_PLACE_TOO_LITTLE)
-        snprintf(text, sizeof text, "Too little of the place of %s was seen yet", p->name);
+        snprintf(text, sizeof text, "Too little of the place of %s was seen yet", place->name);
     else
-        snprintf(text, sizeof text, "Looking for the robot in the place of %s", p->name);
-    const double width = fmin(ui_text_width(b->ui, FACE_SMALL, text) + 32, box.w - 2 * GAP);
+        snprintf(text, sizeof text, "Looking for the robot in the place of %s", place->name);
+    const double width = fmin(ui_text_width(brush->ui, FACE_SMALL, text) + 32, box.w - 2 * GAP);
     const struct ui_box pill = {box.x + (box.w - width) / 2, box.y + MARGIN, width, height};
-    ui_fill(b->ui, pill, height / 2, b->theme->glass);
-    label_centred(b, FACE_SMALL, inner(pill, 8), b->theme->text, text);
+    ui_fill(brush->ui, pill, height / 2, brush->theme->glass);
+    label_centred(brush, FACE_SMALL, inner(pill, 8), brush->theme->text, text);
 }
 
-static enum status draw_bodies(struct drive_place *p, const struct brush *b, const struct figure_view *view)
+static enum status draw_bodies(struct drive_place *place, const struct brush *brush, const struct figure_view *view)
 {
     const struct lens *l = &view->lens;
     enum status status = OK;
-    if (!p->things.known.count)
+    if (!place->things.known.count)
         return OK;
-    if (!p->bodies || p->bodies_width != l->width || p->bodies_height != l->height) {
-        gpu_target_close(&p->bodies);
-        p->bodies_width = l->width;
-        p->bodies_height = l->height;
-        status = gpu_target_open(&p->bodies, p->gpu, l->width, l->height);
+    if (!place->bodies || place->bodies_width != l->width || place->bodies_height != l->height) {
+        gpu_target_close(&place->bodies);
+        place->bodies_width = l->width;
+        place->bodies_height = l->height;
+        status = gpu_target_open(&place->bodies, place->gpu, l->width, l->height);
     }
     if (status != OK)
         return status;
-    gpu_target_clear(p->bodies);
-    room_things_draw(&p->things, p->gpu, p->renderer, &(struct solid_view){p->bodies, *l, view->world_from_camera});
-    ui_image(b->ui, gpu_target_texture(p->bodies), figure_image_box(view), (struct ui_uv_rect){0, 0, 1, 1}, 0,
+    gpu_target_clear(place->bodies);
+    room_things_draw(&place->things, place->gpu, place->renderer,
+                     &(struct solid_view){place->bodies, *l, view->world_from_camera});
+    ui_image(brush->ui, gpu_target_texture(place->bodies), figure_image_box(view), (struct ui_uv_rect){0, 0, 1, 1}, 0,
              0xffffffff);
     return OK;
 }

@@ -16,110 +16,110 @@ enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct dr
     return status == OK && file ? drive_place_open(&s->place, gpu, file, place) : status;
 }
 
-void drive_screen_close(struct drive_screen *s)
+void drive_screen_close(struct drive_screen *screen)
 {
-    drive_place_close(&s->place);
+    drive_place_close(&screen->place);
     for (int k = 0; k < DRIVE_PANES; k++) {
-        operator_picture_close(&s->pane[k].picture);
-        gpu_texture_close(&s->pane[k].texture);
+        operator_picture_close(&screen->pane[k].picture);
+        gpu_texture_close(&screen->pane[k].texture);
     }
-    ui_close(&s->ui);
-    *s = (struct drive_screen){0};
+    ui_close(&screen->ui);
+    *screen = (struct drive_screen){0};
 }
 
-struct ui_box drive_screen_box(const struct drive_screen *s, double width, double height, int pane)
+struct ui_box drive_screen_box(const struct drive_screen *screen, double width, double height, int pane)
 {
-    const double share = s->map ? 0.5 : 1, first = pane == DRIVE_MAP ? 0.5 : 0;
+    const double share = screen->map ? 0.5 : 1, first = pane == DRIVE_MAP ? 0.5 : 0;
     return width >= height ? (struct ui_box){first * width, 0, share * width, height}
                            : (struct ui_box){0, first * height, width, share * height};
 }
 
-struct drive_eye *drive_screen_eye(struct drive_screen *s, int pane)
+struct drive_eye *drive_screen_eye(struct drive_screen *screen, int pane)
 {
-    return pane == DRIVE_MAP ? &s->map_eye : &s->session->eye;
+    return pane == DRIVE_MAP ? &screen->map_eye : &screen->session->eye;
 }
 
 // ---------------------------------------------------------------- the panes' pictures
 
 // In the pane's size; where the driver draws by the processor as fine as the session's own picture, and all of that.
-static enum status draw_by_card(struct drive_screen *s, const struct viewer_surface *surface, int pane)
+static enum status draw_by_card(struct drive_screen *screen, const struct viewer_surface *surface, int pane)
 {
-    struct drive_pane *p = &s->pane[pane];
-    const struct lens *own = drive_session_lens(s->session);
-    const struct ui_box box = drive_screen_box(s, surface->width, surface->height, pane);
+    struct drive_pane *p = &screen->pane[pane];
+    const struct lens *own = drive_session_lens(screen->session);
+    const struct ui_box box = drive_screen_box(screen, surface->width, surface->height, pane);
     const double fit = fmax(own->width / box.w, own->height / box.h); // the session's picture in the pane
-    const double share = gpu_is_software(s->gpu) ? fmin(1, fit) : 1;
+    const double share = gpu_is_software(screen->gpu) ? fmin(1, fit) : 1;
     const int width = (int)(share * box.w), height = (int)(share * box.h);
-    enum status status = p->picture ? OK : operator_picture_open(&p->picture, s->gpu);
+    enum status status = p->picture ? OK : operator_picture_open(&p->picture, screen->gpu);
     if (status == OK)
-        status = operator_picture_draw(p->picture, s->session, width, height, &p->shown);
+        status = operator_picture_draw(p->picture, screen->session, width, height, &p->shown);
     if (status == OK)
         operator_picture_view(p->picture, &p->lens, &p->world_from_view);
     if (status != ERR_DEVICE)
         return status;
-    s->by_card = false; // from now on by the processor
+    screen->by_card = false; // from now on by the processor
     for (int k = 0; k < DRIVE_PANES; k++) {
-        operator_picture_close(&s->pane[k].picture);
-        s->pane[k].shown = NULL;
+        operator_picture_close(&screen->pane[k].picture);
+        screen->pane[k].shown = NULL;
     }
     return OK;
 }
 
-static enum status draw_by_processor(struct drive_screen *s, int pane)
+static enum status draw_by_processor(struct drive_screen *screen, int pane)
 {
-    struct drive_pane *p = &s->pane[pane];
+    struct drive_pane *p = &screen->pane[pane];
     const struct surround_view *view;
-    enum status status = drive_session_draw(s->session, &view);
+    enum status status = drive_session_draw(screen->session, &view);
     if (status != OK)
         return status;
     const struct gpu_texture_layout layout = {GPU_RGB8, view->lens.width, view->lens.height, GPU_LINEAR};
-    status = gpu_texture_put(&p->texture, s->gpu, &layout, view->rgb);
+    status = gpu_texture_put(&p->texture, screen->gpu, &layout, view->rgb);
     p->shown = p->texture;
     p->lens = view->lens;
     p->world_from_view = view->world_from_view;
     return status;
 }
 
-static enum status draw_panes(struct drive_screen *s, const struct viewer_surface *surface)
+static enum status draw_panes(struct drive_screen *screen, const struct viewer_surface *surface)
 {
-    const struct drive_eye eye = s->session->eye;
+    const struct drive_eye eye = screen->session->eye;
     enum status status = OK;
     bool near = false;
     double nearest_m = INFINITY;
-    s->session->wordless = s->controls;
-    for (int k = 0; k < (s->map ? DRIVE_PANES : 1) && status == OK; k++) {
-        s->session->eye = k == DRIVE_MAP ? s->map_eye : eye;
-        status = s->by_card ? draw_by_card(s, surface, k) : draw_by_processor(s, k);
-        if (s->session->near) // in one of them
-            nearest_m = fmin(nearest_m, s->session->nearest_m);
-        near |= s->session->near;
+    screen->session->wordless = screen->controls;
+    for (int k = 0; k < (screen->map ? DRIVE_PANES : 1) && status == OK; k++) {
+        screen->session->eye = k == DRIVE_MAP ? screen->map_eye : eye;
+        status = screen->by_card ? draw_by_card(screen, surface, k) : draw_by_processor(screen, k);
+        if (screen->session->near) // in one of them
+            nearest_m = fmin(nearest_m, screen->session->nearest_m);
+        near |= screen->session->near;
     }
-    s->session->eye = eye;
-    s->session->near = near;
-    s->session->nearest_m = nearest_m;
+    screen->session->eye = eye;
+    screen->session->near = near;
+    screen->session->nearest_m = nearest_m;
     return status;
 }
 
 // ---------------------------------------------------------------- the screen
 
 // In the middle of its box, as large as fits.
-static struct figure_view view_of(const struct drive_pane *p, struct ui_box box)
+static struct figure_view view_of(const struct drive_pane *pane, struct ui_box box)
 {
-    const double scale = fmin(box.w / p->lens.width, box.h / p->lens.height); // dp a pixel
-    const struct cover cover = {scale, box.x + (box.w - scale * p->lens.width) / 2,
-                                box.y + (box.h - scale * p->lens.height) / 2};
-    return (struct figure_view){p->lens, p->world_from_view, cover, false};
+    const double scale = fmin(box.w / pane->lens.width, box.h / pane->lens.height); // dp a pixel
+    const struct cover cover = {scale, box.x + (box.w - scale * pane->lens.width) / 2,
+                                box.y + (box.h - scale * pane->lens.height) / 2};
+    return (struct figure_view){pane->lens, pane->world_from_view, cover, false};
 }
 
-static enum status draw_pane(struct drive_screen *s, const struct brush *b, int pane)
+static enum status draw_pane(struct drive_screen *screen, const struct brush *brush, int pane)
 {
-    const struct drive_pane *p = &s->pane[pane];
-    const struct ui_box box = drive_screen_box(s, ui_width(b->ui), ui_height(b->ui), pane);
+    const struct drive_pane *p = &screen->pane[pane];
+    const struct ui_box box = drive_screen_box(screen, ui_width(brush->ui), ui_height(brush->ui), pane);
     if (!p->shown)
         return OK;
     const struct figure_view view = view_of(p, box);
-    ui_image(b->ui, p->shown, figure_image_box(&view), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
-    return pane == DRIVE_MAP && s->has_place ? drive_place_draw(&s->place, b, &view) : OK;
+    ui_image(brush->ui, p->shown, figure_image_box(&view), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
+    return pane == DRIVE_MAP && screen->has_place ? drive_place_draw(&screen->place, brush, &view) : OK;
 }
 
 enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surface *surface, int64_t now_ns)

@@ -35,12 +35,12 @@ struct drive_screen {
 // ERR_DEVICE, ERR_MEMORY; errors of drive_place_open. On error drive_screen_close is needed, too.
 MUST_CHECK enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session,
                                          const char *file, const struct place *place);
-void drive_screen_close(struct drive_screen *s); // zeroed is fine; before the session is closed
+void drive_screen_close(struct drive_screen *screen); // zeroed is fine; before the session is closed
 
 // The pane's part of a screen of that size, in the size's unit.
-struct ui_box drive_screen_box(const struct drive_screen *s, double width, double height, int pane);
+struct ui_box drive_screen_box(const struct drive_screen *screen, double width, double height, int pane);
 // From where that pane is seen; may be changed.
-struct drive_eye *drive_screen_eye(struct drive_screen *s, int pane);
+struct drive_eye *drive_screen_eye(struct drive_screen *screen, int pane);
 
 // Draws the session as it is now. ERR_DEVICE, ERR_MEMORY, and as drive_session_draw.
 MUST_CHECK enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surface *surface, int64_t now_ns);

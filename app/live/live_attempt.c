@@ -18,16 +18,16 @@ struct attempt_judge {
     atomic_bool finished;
 };
 
-void live_attempt_free(struct live_attempt *a)
+void live_attempt_free(struct live_attempt *attempt)
 {
-    comparison_free(&a->comparison);
-    joint_samples_free(&a->samples);
-    *a = (struct live_attempt){0};
+    comparison_free(&attempt->comparison);
+    joint_samples_free(&attempt->samples);
+    *attempt = (struct live_attempt){0};
 }
 
-bool live_attempt_skeleton(const struct live_attempt *a, int64_t time_ns, struct skeleton *out)
+bool live_attempt_skeleton(const struct live_attempt *attempt, int64_t time_ns, struct skeleton *out)
 {
-    const struct joint_samples *s = &a->samples;
+    const struct joint_samples *s = &attempt->samples;
     int64_t low = 0, high = s->count; // the first that is not before time_ns
     while (low < high) {
         const int64_t middle = (low + high) / 2;
@@ -48,30 +48,30 @@ bool live_attempt_skeleton(const struct live_attempt *a, int64_t time_ns, struct
     return true;
 }
 
-double live_attempt_reference(const struct live_attempt *a, int64_t time_ns)
+double live_attempt_reference(const struct live_attempt *attempt, int64_t time_ns)
 {
-    const struct timeline *t = &a->comparison.timeline;
+    const struct timeline *t = &attempt->comparison.timeline;
     const int32_t frame = (int32_t)lround((double)time_ns * 1e-9 * MOVEMENT_RATE_HZ);
-    return a->compared && frame >= 0 && frame < t->count ? (double)a->first + t->reference[frame] : NAN;
+    return attempt->compared && frame >= 0 && frame < t->count ? (double)attempt->first + t->reference[frame] : NAN;
 }
 
-static enum status copy_part(const struct movement *m, int32_t first, int32_t end, struct movement *out)
+static enum status copy_part(const struct movement *movement, int32_t first, int32_t end, struct movement *out)
 {
-    *out = *m;
+    *out = *movement;
     out->count = end - first;
     out->frames = malloc((size_t)out->count * sizeof *out->frames);
     if (!out->frames) {
         *out = (struct movement){0};
         return fail(ERR_MEMORY, "no memory to judge the attempt");
     }
-    memcpy(out->frames, m->frames + first, (size_t)out->count * sizeof *out->frames);
+    memcpy(out->frames, movement->frames + first, (size_t)out->count * sizeof *out->frames);
     return OK;
 }
 
-static void fill_strip(struct live_attempt *a)
+static void fill_strip(struct live_attempt *attempt)
 {
-    const struct comparison *c = &a->comparison;
-    memset(a->strip, ATTEMPT_NOT_ALIGNED, sizeof a->strip);
+    const struct comparison *c = &attempt->comparison;
+    memset(attempt->strip, ATTEMPT_NOT_ALIGNED, sizeof attempt->strip);
     for (int32_t f = 0; f < c->timeline.count; f++) {
         struct part_difference parts[PART_COUNT];
         if (isnan(c->timeline.reference[f]))
@@ -82,8 +82,8 @@ static void fill_strip(struct live_attempt *a)
         for (int cell = first; cell < end || cell == first; cell++)
             for (int p = 0; p < PART_COUNT; p++) {
                 const enum verdict v = parts[judged_part(c, p)].verdict;
-                if (a->strip[cell][p] == ATTEMPT_NOT_ALIGNED || v > a->strip[cell][p])
-                    a->strip[cell][p] = (uint8_t)v;
+                if (attempt->strip[cell][p] == ATTEMPT_NOT_ALIGNED || v > attempt->strip[cell][p])
+                    attempt->strip[cell][p] = (uint8_t)v;
             }
     }
 }
@@ -150,11 +150,11 @@ void attempt_judge_close(struct attempt_judge **out)
     *out = NULL;
 }
 
-bool attempt_judge_finished(struct attempt_judge *j, struct live_attempt *out)
+bool attempt_judge_finished(struct attempt_judge *judge, struct live_attempt *out)
 {
-    if (j->taken || !atomic_load(&j->finished))
+    if (judge->taken || !atomic_load(&judge->finished))
         return false;
-    *out = j->attempt;
-    j->taken = true;
+    *out = judge->attempt;
+    judge->taken = true;
     return true;
 }

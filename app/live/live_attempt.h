@@ -17,13 +17,13 @@ struct live_attempt {
     // nothing
     uint8_t strip[ATTEMPT_CELLS][PART_COUNT];
 };
-void live_attempt_free(struct live_attempt *a); // zeroed is fine; leaves it zeroed
+void live_attempt_free(struct live_attempt *attempt); // zeroed is fine; leaves it zeroed
 
 // The skeleton at that instant of the attempt: the nearest sample, world axes (z up). False: none within half a second.
-bool live_attempt_skeleton(const struct live_attempt *a, int64_t time_ns, struct skeleton *out);
+bool live_attempt_skeleton(const struct live_attempt *attempt, int64_t time_ns, struct skeleton *out);
 
 // The reference's frame that the attempt shows at that instant, in frames of the whole reference; NaN: none.
-double live_attempt_reference(const struct live_attempt *a, int64_t time_ns);
+double live_attempt_reference(const struct live_attempt *attempt, int64_t time_ns);
 
 struct attempt_judge;
 
@@ -41,4 +41,4 @@ MUST_CHECK enum status attempt_judge_start(struct attempt_judge **out, const str
 void attempt_judge_close(struct attempt_judge **j); // NULL is fine; waits for the thread
 
 // False: still judging. True, once: *out is the caller's.
-bool attempt_judge_finished(struct attempt_judge *j, struct live_attempt *out);
+bool attempt_judge_finished(struct attempt_judge *judge, struct live_attempt *out);

@@ -13,7 +13,7 @@
 #include <sys/random.h>
 
 static const int JPEG_QUALITY = 92; // as the recorder's
-enum { MOST_NAMES = 1000 };         // attempts beside one recording
+enum { MAX_NAMES = 1000 };          // attempts beside one recording
 enum { WAITING_COMMANDS = 8 };      // room in the queue beside the frames: asking must not wait for a slow disk
 
 // Where the spools of one recording are: FOLDER/PREFIX and eight random hexadecimal digits.
@@ -67,41 +67,41 @@ static void item_free(struct keeper_item *item)
 
 // ---------------------------------------------------------------- writing thread
 
-static void note_failure(struct live_keeper *k)
+static void note_failure(struct live_keeper *keeper)
 {
-    pthread_mutex_lock(&k->worker.lock);
-    snprintf(k->failure, sizeof k->failure, "%.199s", status_message());
-    pthread_mutex_unlock(&k->worker.lock);
+    pthread_mutex_lock(&keeper->worker.lock);
+    snprintf(keeper->failure, sizeof keeper->failure, "%.199s", status_message());
+    pthread_mutex_unlock(&keeper->worker.lock);
 }
 
-static void discard(struct live_keeper *k)
+static void discard(struct live_keeper *keeper)
 {
-    if (k->writer && recording_close(&k->writer) != OK)
-        note_failure(k);
-    recording_discard(k->spool);
-    k->whole = false;
+    if (keeper->writer && recording_close(&keeper->writer) != OK)
+        note_failure(keeper);
+    recording_discard(keeper->spool);
+    keeper->whole = false;
 }
 
-static void begin(struct live_keeper *k, const struct keeper_item *item)
+static void begin(struct live_keeper *keeper, const struct keeper_item *item)
 {
     char name[40];
-    discard(k);
-    pthread_mutex_lock(&k->worker.lock);
-    k->failure[0] = 0;
-    k->state.written = k->state.left_out = 0;
-    pthread_mutex_unlock(&k->worker.lock);
-    k->writing = item->calibration;
-    k->index = 0;
-    body_radii_start(&k->radii);
+    discard(keeper);
+    pthread_mutex_lock(&keeper->worker.lock);
+    keeper->failure[0] = 0;
+    keeper->state.written = keeper->state.left_out = 0;
+    pthread_mutex_unlock(&keeper->worker.lock);
+    keeper->writing = item->calibration;
+    keeper->index = 0;
+    body_radii_start(&keeper->radii);
     snprintf(name, sizeof name, "attempt %d", item->attempt);
-    enum status status = recording_create(&k->writer, k->spool);
-    if (status == OK && k->place)
-        status = recording_put_place(k->writer, k->place);
+    enum status status = recording_create(&keeper->writer, keeper->spool);
+    if (status == OK && keeper->place)
+        status = recording_put_place(keeper->writer, keeper->place);
     if (status == OK)
-        status = recording_begin_take(k->writer, name, &k->writing);
+        status = recording_begin_take(keeper->writer, name, &keeper->writing);
     if (status != OK) {
-        note_failure(k);
-        discard(k);
+        note_failure(keeper);
+        discard(keeper);
     }
 }
 
@@ -117,83 +117,83 @@ static enum status encode(struct keeper_item *item, const struct lens *color)
     return OK;
 }
 
-static void write_frame(struct live_keeper *k, struct keeper_item *item)
+static void write_frame(struct live_keeper *keeper, struct keeper_item *item)
 {
-    if (!k->writer || k->whole)
+    if (!keeper->writer || keeper->whole)
         return;
     struct take_frame *f = &item->frame;
-    enum status status = encode(item, &k->writing.color);
+    enum status status = encode(item, &keeper->writing.color);
     if (status == OK)
-        status = recording_add_frame(k->writer, f);
+        status = recording_add_frame(keeper->writer, f);
     if (status == OK && f->has_skeleton && f->depth &&
-        body_radii_add_frame(&k->radii, k->index, &k->writing, &f->skeleton, f->depth, f->mask))
-        status = recording_put_body(k->writer, &k->radii.body);
-    k->index += status == OK;
-    pthread_mutex_lock(&k->worker.lock);
-    k->state.written = k->index;
-    pthread_mutex_unlock(&k->worker.lock);
+        body_radii_add_frame(&keeper->radii, keeper->index, &keeper->writing, &f->skeleton, f->depth, f->mask))
+        status = recording_put_body(keeper->writer, &keeper->radii.body);
+    keeper->index += status == OK;
+    pthread_mutex_lock(&keeper->worker.lock);
+    keeper->state.written = keeper->index;
+    pthread_mutex_unlock(&keeper->worker.lock);
     if (status != OK && status != ERR_ORDER) {
-        note_failure(k);
-        discard(k);
+        note_failure(keeper);
+        discard(keeper);
     }
 }
 
 // The writer stays open, and with it the lock by which others see that the spool is in use.
-static void end(struct live_keeper *k)
+static void end(struct live_keeper *keeper)
 {
-    if (!k->writer || k->whole)
+    if (!keeper->writer || keeper->whole)
         return;
-    pthread_mutex_lock(&k->worker.lock);
-    const int64_t left_out = k->state.left_out;
-    pthread_mutex_unlock(&k->worker.lock);
-    enum status status = recording_put_dropped(k->writer, left_out);
+    pthread_mutex_lock(&keeper->worker.lock);
+    const int64_t left_out = keeper->state.left_out;
+    pthread_mutex_unlock(&keeper->worker.lock);
+    enum status status = recording_put_dropped(keeper->writer, left_out);
     if (status == OK)
-        status = recording_end_take(k->writer);
-    k->whole = status == OK && k->index > 0;
+        status = recording_end_take(keeper->writer);
+    keeper->whole = status == OK && keeper->index > 0;
     if (status != OK)
-        note_failure(k);
-    if (!k->whole)
-        discard(k);
+        note_failure(keeper);
+    if (!keeper->whole)
+        discard(keeper);
 }
 
 // Gives the spool the first name that no file has.
-static enum status give_name(struct live_keeper *k, char *path, size_t capacity)
+static enum status give_name(struct live_keeper *keeper, char *path, size_t capacity)
 {
-    const size_t length = strlen(k->watched), ending = strlen(".reenact");
-    const bool ends_so = length > ending && !strcmp(k->watched + length - ending, ".reenact");
+    const size_t length = strlen(keeper->watched), ending = strlen(".reenact");
+    const bool ends_so = length > ending && !strcmp(keeper->watched + length - ending, ".reenact");
     const int stem = (int)(ends_so ? length - ending : length);
     enum status status = ERR_EXISTS;
-    for (int i = 1; i <= MOST_NAMES && status == ERR_EXISTS; i++) {
-        snprintf(path, capacity, "%.*s-attempt-%d.reenact", stem, k->watched, i);
-        status = file_name_new(k->spool, path);
+    for (int i = 1; i <= MAX_NAMES && status == ERR_EXISTS; i++) {
+        snprintf(path, capacity, "%.*s-attempt-%d.reenact", stem, keeper->watched, i);
+        status = file_name_new(keeper->spool, path);
     }
     return status;
 }
 
-static void keep(struct live_keeper *k)
+static void keep(struct live_keeper *keeper)
 {
     char path[FILE_PATH_BYTES] = "";
-    end(k);
-    if (k->writer && recording_close(&k->writer) != OK) {
-        note_failure(k);
-        discard(k);
+    end(keeper);
+    if (keeper->writer && recording_close(&keeper->writer) != OK) {
+        note_failure(keeper);
+        discard(keeper);
     }
-    enum status status = k->whole ? give_name(k, path, sizeof path) : NOTHING;
-    pthread_mutex_lock(&k->worker.lock);
-    k->state.kept++;
-    k->state.failed = status != OK;
+    enum status status = keeper->whole ? give_name(keeper, path, sizeof path) : NOTHING;
+    pthread_mutex_lock(&keeper->worker.lock);
+    keeper->state.kept++;
+    keeper->state.failed = status != OK;
     const char *slash = strrchr(path, '/');
     if (status == OK)
-        snprintf(k->state.sentence, sizeof k->state.sentence, "Kept as %.200s", slash ? slash + 1 : path);
-    else if (status == NOTHING && *k->failure)
-        snprintf(k->state.sentence, sizeof k->state.sentence, "Not kept: %.200s", k->failure);
+        snprintf(keeper->state.sentence, sizeof keeper->state.sentence, "Kept as %.200s", slash ? slash + 1 : path);
+    else if (status == NOTHING && *keeper->failure)
+        snprintf(keeper->state.sentence, sizeof keeper->state.sentence, "Not kept: %.200s", keeper->failure);
     else if (status == NOTHING)
-        snprintf(k->state.sentence, sizeof k->state.sentence, "There is no attempt to keep");
+        snprintf(keeper->state.sentence, sizeof keeper->state.sentence, "There is no attempt to keep");
     else
-        snprintf(k->state.sentence, sizeof k->state.sentence, "Not kept: %.200s", status_message());
-    pthread_mutex_unlock(&k->worker.lock);
+        snprintf(keeper->state.sentence, sizeof keeper->state.sentence, "Not kept: %.200s", status_message());
+    pthread_mutex_unlock(&keeper->worker.lock);
     if (status == OK)
-        discard(k); // it has its name; a second wish finds nothing
+        discard(keeper); // it has its name; a second wish finds nothing
 }
 
 // Hidden files beside the recording: FOLDER/.NAME.attempt-XXXXXXXX.
@@ -248,17 +248,17 @@ static void *write_all(void *context)
 
 // ---------------------------------------------------------------- opening
 
-static enum status new_spool(struct live_keeper *k)
+static enum status new_spool(struct live_keeper *keeper)
 {
-    const struct spools spools = spools_of(k->watched);
+    const struct spools spools = spools_of(keeper->watched);
     const size_t capacity = strlen(spools.folder) + strlen(spools.prefix) + 10;
     uint32_t number;
-    k->spool = malloc(capacity);
-    if (!k->spool)
+    keeper->spool = malloc(capacity);
+    if (!keeper->spool)
         return fail(ERR_MEMORY, "no memory to keep attempts");
     if (getrandom(&number, sizeof number, 0) != (ssize_t)sizeof number)
         return fail(ERR_IO, "no random name to keep attempts under: %s", strerror(errno));
-    snprintf(k->spool, capacity, "%s/%s%08x", spools.folder, spools.prefix, (unsigned)number);
+    snprintf(keeper->spool, capacity, "%s/%s%08x", spools.folder, spools.prefix, (unsigned)number);
     return OK;
 }
 
@@ -299,33 +299,33 @@ void live_keeper_close(struct live_keeper **out)
 
 // ---------------------------------------------------------------- handing over
 
-static void count_left_out(struct live_keeper *k)
+static void count_left_out(struct live_keeper *keeper)
 {
-    pthread_mutex_lock(&k->worker.lock);
-    k->state.left_out++;
-    pthread_mutex_unlock(&k->worker.lock);
+    pthread_mutex_lock(&keeper->worker.lock);
+    keeper->state.left_out++;
+    pthread_mutex_unlock(&keeper->worker.lock);
 }
 
-static void put_command(struct live_keeper *k, const struct keeper_item *command)
+static void put_command(struct live_keeper *keeper, const struct keeper_item *command)
 {
     struct keeper_item *item = malloc(sizeof *item);
     if (!item)
         return;
     *item = *command;
-    if (!queue_put(k->queue, item))
+    if (!queue_put(keeper->queue, item))
         item_free(item);
 }
 
-void live_keeper_begin(struct live_keeper *k, const struct calibration *calibration, int attempt)
+void live_keeper_begin(struct live_keeper *keeper, const struct calibration *calibration, int attempt)
 {
-    k->calibration = *calibration;
-    k->any = false;
-    put_command(k, &(struct keeper_item){.kind = ITEM_BEGIN, .attempt = attempt, .calibration = *calibration});
+    keeper->calibration = *calibration;
+    keeper->any = false;
+    put_command(keeper, &(struct keeper_item){.kind = ITEM_BEGIN, .attempt = attempt, .calibration = *calibration});
 }
 
-void live_keeper_end(struct live_keeper *k) { put_command(k, &(struct keeper_item){.kind = ITEM_END}); }
+void live_keeper_end(struct live_keeper *keeper) { put_command(keeper, &(struct keeper_item){.kind = ITEM_END}); }
 
-void live_keeper_keep(struct live_keeper *k) { put_command(k, &(struct keeper_item){.kind = ITEM_KEEP}); }
+void live_keeper_keep(struct live_keeper *keeper) { put_command(keeper, &(struct keeper_item){.kind = ITEM_KEEP}); }
 
 static void *copy(const void *bytes, size_t count)
 {
@@ -333,42 +333,43 @@ static void *copy(const void *bytes, size_t count)
     return to ? memcpy(to, bytes, count) : NULL;
 }
 
-void live_keeper_add(struct live_keeper *k, const struct keeper_frame *f)
+void live_keeper_add(struct live_keeper *keeper, const struct keeper_frame *frame)
 {
-    k->first_ns = k->any ? k->first_ns : f->time_ns;
-    k->any = true;
-    if (queue_count(k->queue) >= KEEPER_WAITING || f->time_ns - k->first_ns > KEEPER_MOST_S * INT64_C(1000000000)) {
-        count_left_out(k);
+    keeper->first_ns = keeper->any ? keeper->first_ns : frame->time_ns;
+    keeper->any = true;
+    if (queue_count(keeper->queue) >= KEEPER_WAITING ||
+        frame->time_ns - keeper->first_ns > KEEPER_MAX_S * INT64_C(1000000000)) {
+        count_left_out(keeper);
         return;
     }
-    const size_t depth_pixels = lens_pixels(&k->calibration.depth);
+    const size_t depth_pixels = lens_pixels(&keeper->calibration.depth);
     struct keeper_item *item = calloc(1, sizeof *item);
     if (!item)
         return;
     item->kind = ITEM_FRAME;
-    item->jpeg = copy(f->jpeg, f->jpeg_bytes);
-    item->color = f->jpeg ? NULL : copy(f->color, 3 * lens_pixels(&k->calibration.color));
-    item->depth = copy(f->depth, sizeof *f->depth * depth_pixels);
-    item->mask = f->skeleton ? copy(f->mask, depth_pixels) : NULL;
-    item->frame = (struct take_frame){.time_ns = f->time_ns,
-                                      .world_from_camera = f->located ? f->world_from_camera : POSE_IDENTITY,
-                                      .located = f->located,
-                                      .jpeg_bytes = item->jpeg ? f->jpeg_bytes : 0,
+    item->jpeg = copy(frame->jpeg, frame->jpeg_bytes);
+    item->color = frame->jpeg ? NULL : copy(frame->color, 3 * lens_pixels(&keeper->calibration.color));
+    item->depth = copy(frame->depth, sizeof *frame->depth * depth_pixels);
+    item->mask = frame->skeleton ? copy(frame->mask, depth_pixels) : NULL;
+    item->frame = (struct take_frame){.time_ns = frame->time_ns,
+                                      .world_from_camera = frame->located ? frame->world_from_camera : POSE_IDENTITY,
+                                      .located = frame->located,
+                                      .jpeg_bytes = item->jpeg ? frame->jpeg_bytes : 0,
                                       .depth = item->depth,
                                       .mask = item->mask,
-                                      .has_skeleton = f->skeleton};
-    if (f->skeleton)
-        item->frame.skeleton = *f->skeleton;
-    if (!queue_try_put(k->queue, item)) {
+                                      .has_skeleton = frame->skeleton};
+    if (frame->skeleton)
+        item->frame.skeleton = *frame->skeleton;
+    if (!queue_try_put(keeper->queue, item)) {
         item_free(item);
-        count_left_out(k);
+        count_left_out(keeper);
     }
 }
 
-struct live_keeper_state live_keeper_query(struct live_keeper *k)
+struct live_keeper_state live_keeper_query(struct live_keeper *keeper)
 {
-    pthread_mutex_lock(&k->worker.lock);
-    const struct live_keeper_state state = k->state;
-    pthread_mutex_unlock(&k->worker.lock);
+    pthread_mutex_lock(&keeper->worker.lock);
+    const struct live_keeper_state state = keeper->state;
+    pthread_mutex_unlock(&keeper->worker.lock);
     return state;
 }

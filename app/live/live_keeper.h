@@ -4,11 +4,11 @@
 // faster than they can be written are left out and counted.
 //
 // Threads: begin, add and end are for the sensor's thread, keep and query for the screen's. Memory: at most
-// KEEPER_WAITING frames. Disk: what KEEPER_MOST_S seconds of a take need; later frames are left out.
+// KEEPER_WAITING frames. Disk: what KEEPER_MAX_S seconds of a take need; later frames are left out.
 #pragma once
 #include "recording/recording.h"
 
-enum { KEEPER_WAITING = 20, KEEPER_MOST_S = 600 };
+enum { KEEPER_WAITING = 20, KEEPER_MAX_S = 600 };
 
 struct live_keeper;
 
@@ -21,7 +21,7 @@ MUST_CHECK enum status live_keeper_open(struct live_keeper **out, const struct l
 void live_keeper_close(struct live_keeper **k); // NULL is fine; sets *k = NULL; removes what was not kept
 
 // What the sensor's thread hands over. A failure to write is no error there; live_keeper_query tells it.
-void live_keeper_begin(struct live_keeper *k, const struct calibration *calibration, int attempt);
+void live_keeper_begin(struct live_keeper *keeper, const struct calibration *calibration, int attempt);
 struct keeper_frame {
     int64_t time_ns;
     bool located;
@@ -33,11 +33,11 @@ struct keeper_frame {
     const uint8_t *mask;
     const struct skeleton *skeleton; // NULL: no person
 };
-void live_keeper_add(struct live_keeper *k, const struct keeper_frame *frame); // copies
-void live_keeper_end(struct live_keeper *k);
+void live_keeper_add(struct live_keeper *keeper, const struct keeper_frame *frame); // copies
+void live_keeper_end(struct live_keeper *keeper);
 
 // Asks for the attempt that was made last to be kept, once it has ended.
-void live_keeper_keep(struct live_keeper *k);
+void live_keeper_keep(struct live_keeper *keeper);
 
 struct live_keeper_state {
     int64_t written, left_out; // frames of this attempt
@@ -45,4 +45,4 @@ struct live_keeper_state {
     bool failed;               // the last of them did
     char sentence[300];        // what became of it, or why not
 };
-struct live_keeper_state live_keeper_query(struct live_keeper *k);
+struct live_keeper_state live_keeper_query(struct live_keeper *keeper);

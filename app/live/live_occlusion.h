@@ -17,4 +17,4 @@ struct live_occlusion {
 
 // Fills rgba (of the colour image's size, premultiplied): the picture where it is nearer than the actor, else 0.
 // Returns how many pixels hide the actor.
-int live_occlusion_make(const struct live_occlusion *o, uint8_t *rgba);
+int live_occlusion_make(const struct live_occlusion *occlusion, uint8_t *rgba);

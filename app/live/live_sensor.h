@@ -7,13 +7,13 @@
 // late is left out, unless every_frame is set.
 //
 // Threads: the drawing one calls all functions; `notify` is called on the sensor's. Memory: five frames, the network's,
-// and 712 bytes a frame of an attempt, of which the first ATTEMPT_MOST_S seconds are collected; constant however long
+// and 712 bytes a frame of an attempt, of which the first ATTEMPT_MAX_S seconds are collected; constant however long
 // it goes on.
 #pragma once
 #include "app/live/live_keeper.h"
 #include "app/live/live_tracker.h"
 
-enum { ATTEMPT_MOST_S = 600 };
+enum { ATTEMPT_MAX_S = 600 };
 
 struct live_sensor;
 
@@ -43,14 +43,14 @@ struct live_frame {
     int64_t received_ns, tracked_ns; // by clock_now_ns: when it arrived, when it was judged
 };
 // The newest frame, NULL before the first. Borrowed until the next call.
-const struct live_frame *live_sensor_latest(struct live_sensor *s);
+const struct live_frame *live_sensor_latest(struct live_sensor *sensor);
 
 struct live_wish {
     int attempt; // a new number: the judge and a film start again, joints are collected again
     bool run;    // an attempt is being made; else a film stands at its first frame
     struct live_shown shown;
 };
-void live_sensor_wish(struct live_sensor *s, const struct live_wish *wish);
+void live_sensor_wish(struct live_sensor *sensor, const struct live_wish *wish);
 
 // Moves out the joints of that attempt, times from 0; none: NOTHING. ERR_MEMORY: there was no memory for all of them,
 // and *out has those before.
@@ -66,6 +66,7 @@ struct live_sensor_state {
     char no_body_points[256];  // why none are, although wanted; "": they are, or there is no colour
     char trouble[256];         // one sentence; "": none
 };
-struct live_sensor_state live_sensor_query(struct live_sensor *s);
+struct live_sensor_state live_sensor_query(struct live_sensor *sensor);
 
-void live_sensor_suspend(struct live_sensor *s, bool suspend); // true: the sensor is closed until the call with false
+void live_sensor_suspend(struct live_sensor *sensor,
+                         bool suspend); // true: the sensor is closed until the call with false

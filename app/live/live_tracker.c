@@ -48,51 +48,52 @@ enum status live_tracker_open(struct live_tracker **out, const struct live_track
     return status;
 }
 
-void live_tracker_close(struct live_tracker **t)
+void live_tracker_close(struct live_tracker **tracker)
 {
-    if (!*t)
+    if (!*tracker)
         return;
-    follower_close(&(*t)->follower);
-    live_judge_close(&(*t)->judge);
-    free(*t);
-    *t = NULL;
+    follower_close(&(*tracker)->follower);
+    live_judge_close(&(*tracker)->judge);
+    free(*tracker);
+    *tracker = NULL;
 }
 
-void live_tracker_show(struct live_tracker *t, const struct live_shown *shown)
+void live_tracker_show(struct live_tracker *tracker, const struct live_shown *shown)
 {
-    t->shown = *shown;
-    if (!t->judge)
+    tracker->shown = *shown;
+    if (!tracker->judge)
         return;
-    live_judge_set_reference(t->judge, shown->mirrored && t->mirrored ? t->mirrored : t->reference);
-    live_judge_set_window(t->judge, shown->first, shown->end);
+    live_judge_set_reference(tracker->judge,
+                             shown->mirrored && tracker->mirrored ? tracker->mirrored : tracker->reference);
+    live_judge_set_window(tracker->judge, shown->first, shown->end);
 }
 
-void live_tracker_restart_judge(struct live_tracker *t)
+void live_tracker_restart_judge(struct live_tracker *tracker)
 {
-    if (t->judge)
-        live_judge_restart(t->judge);
-    t->has_last = false;
+    if (tracker->judge)
+        live_judge_restart(tracker->judge);
+    tracker->has_last = false;
 }
 
-void live_tracker_hold_world(struct live_tracker *t, bool hold) { t->holds_world = hold; }
+void live_tracker_hold_world(struct live_tracker *tracker, bool hold) { tracker->holds_world = hold; }
 
-void live_tracker_reset(struct live_tracker *t)
+void live_tracker_reset(struct live_tracker *tracker)
 {
-    follower_reset(t->follower);
-    t->second_looks = 0;
-    live_tracker_restart_judge(t);
+    follower_reset(tracker->follower);
+    tracker->second_looks = 0;
+    live_tracker_restart_judge(tracker);
 }
 
 // ---------------------------------------------------------------- where the sensor is
 
 // The world of a sensor that is in no place: level, on the floor below the sensor.
-static struct pose level_pose(const struct live_tracker *t)
+static struct pose level_pose(const struct live_tracker *tracker)
 {
     struct vec3 up;
     double height_m;
-    if (!tracker_floor(follower_tracker(t->follower), &up, &height_m))
+    if (!tracker_floor(follower_tracker(tracker->follower), &up, &height_m))
         height_m = UNKNOWN_HEIGHT_M;
-    const struct vec3 z = v3_unit(quat_rotate(t->calibration.color_from_depth.rotation, up)), ahead = v3(0, 0, 1);
+    const struct vec3 z = v3_unit(quat_rotate(tracker->calibration.color_from_depth.rotation, up)), ahead = v3(0, 0, 1);
     const struct vec3 y = v3_unit(v3_sub(ahead, v3_scale(z, v3_dot(z, ahead)))), x = v3_cross(y, z);
     double world_from_camera[3][3] = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {z.x, z.y, z.z}};
     return (struct pose){quat_from_matrix(world_from_camera), v3(0, 0, height_m)};
@@ -115,7 +116,7 @@ static void make_sample(struct live_look *look, int64_t time_ns)
 }
 
 // The judge steps once for each 30th of a second, so that a slow sensor and lost frames do not slow it down.
-static void judge(struct live_tracker *t, struct live_look *look)
+static void judge(struct live_tracker *tracker, struct live_look *look)
 {
     const struct joint_sample *s = &look->sample;
     bool known[JOINT_COUNT];
@@ -124,30 +125,31 @@ static void judge(struct live_tracker *t, struct live_look *look)
         known[j] = s->skeleton.confidence[j] > 0;
     movement_frame_from_joints(s->skeleton.joint, s->sigma_m, known, &frame);
     int steps = 1;
-    if (t->has_last) {
-        const double passed = (double)(s->time_ns - t->last_ns) / MOVEMENT_STEP_NS;
+    if (tracker->has_last) {
+        const double passed = (double)(s->time_ns - tracker->last_ns) / MOVEMENT_STEP_NS;
         steps = passed > STEPS_MAX ? STEPS_MAX : passed < 1.5 ? 1 : (int)lround(passed);
     }
     for (int i = 0; i < steps; i++)
-        live_judge_frame(t->judge, &frame, &look->reference, look->parts);
-    look->away_rad = live_judge_away(t->judge, &frame, t->shown.frame);
+        live_judge_frame(tracker->judge, &frame, &look->reference, look->parts);
+    look->away_rad = live_judge_away(tracker->judge, &frame, tracker->shown.frame);
     look->judged = frame.known && isfinite(look->away_rad);
-    t->last_ns = s->time_ns;
-    t->has_last = true;
+    tracker->last_ns = s->time_ns;
+    tracker->has_last = true;
 }
 
 // Before tracking a frame, and after it.
-static void look_for_second(struct live_tracker *t)
+static void look_for_second(struct live_tracker *tracker)
 {
-    if (t->frames % SECOND_EVERY == 0)
-        tracker_look_for_second_person(follower_tracker(t->follower));
+    if (tracker->frames % SECOND_EVERY == 0)
+        tracker_look_for_second_person(follower_tracker(tracker->follower));
 }
 
-static bool second_person(struct live_tracker *t)
+static bool second_person(struct live_tracker *tracker)
 {
-    if (t->frames % SECOND_EVERY == 0)
-        t->second_looks = tracker_sees_second_person(follower_tracker(t->follower)) ? t->second_looks + 1 : 0;
-    return t->second_looks >= SECOND_LOOKS;
+    if (tracker->frames % SECOND_EVERY == 0)
+        tracker->second_looks =
+            tracker_sees_second_person(follower_tracker(tracker->follower)) ? tracker->second_looks + 1 : 0;
+    return tracker->second_looks >= SECOND_LOOKS;
 }
 
 enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uint8_t *color, const uint16_t *depth,
@@ -187,4 +189,7 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     return OK;
 }
 
-struct follower_points live_tracker_query_points(struct live_tracker *t) { return follower_query_points(t->follower); }
+struct follower_points live_tracker_query_points(struct live_tracker *tracker)
+{
+    return follower_query_points(tracker->follower);
+}

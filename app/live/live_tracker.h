@@ -26,20 +26,20 @@ struct live_tracker_options {
 };
 // ERR_INPUT: no usable depth lens. ERR_MEMORY. *out is then NULL.
 MUST_CHECK enum status live_tracker_open(struct live_tracker **out, const struct live_tracker_options *options);
-void live_tracker_close(struct live_tracker **t); // NULL is fine; sets *t = NULL
+void live_tracker_close(struct live_tracker **tracker); // NULL is fine; sets *tracker = NULL
 
 // Which of the reference's frames is shown to the person now, and among which theirs is looked for.
 struct live_shown {
     int32_t frame, first, end;
     bool mirrored; // judged by the mirror image
 };
-void live_tracker_show(struct live_tracker *t, const struct live_shown *shown);
-void live_tracker_restart_judge(struct live_tracker *t); // an attempt begins
+void live_tracker_show(struct live_tracker *tracker, const struct live_shown *shown);
+void live_tracker_restart_judge(struct live_tracker *tracker); // an attempt begins
 // While an attempt is made its world stays the one in which it began: where the sensor is located only then, the place
 // is not the world before its end.
-void live_tracker_hold_world(struct live_tracker *t, bool hold);
+void live_tracker_hold_world(struct live_tracker *tracker, bool hold);
 // And the person, the learned background and the body points are forgotten, too.
-void live_tracker_reset(struct live_tracker *t);
+void live_tracker_reset(struct live_tracker *tracker);
 
 struct live_look {
     bool located;                  // the sensor is, in the place
@@ -62,4 +62,4 @@ struct live_look {
 MUST_CHECK enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uint8_t *color,
                                          const uint16_t *depth, uint8_t *mask, struct live_look *out);
 
-struct follower_points live_tracker_query_points(struct live_tracker *t); // how body points are looked for
+struct follower_points live_tracker_query_points(struct live_tracker *tracker); // how body points are looked for

@@ -9,11 +9,11 @@ struct axes {
     struct vec3 left, ahead;
 };
 
-static bool axes_of(const struct skeleton *s, double turn_rad, struct axes *out)
+static bool axes_of(const struct skeleton *skeleton, double turn_rad, struct axes *out)
 {
-    if (!(s->confidence[JOINT_LEFT_HIP] > 0 && s->confidence[JOINT_RIGHT_HIP] > 0))
+    if (!(skeleton->confidence[JOINT_LEFT_HIP] > 0 && skeleton->confidence[JOINT_RIGHT_HIP] > 0))
         return false;
-    struct vec3 left = v3_sub(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP]);
+    struct vec3 left = v3_sub(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP]);
     left.z = 0;
     if (v3_length(left) < 0.02)
         return false;
@@ -24,9 +24,9 @@ static bool axes_of(const struct skeleton *s, double turn_rad, struct axes *out)
     return true;
 }
 
-static struct vec3 to_world(const struct axes *a, double x, double y, double z)
+static struct vec3 to_world(const struct axes *axes, double x, double y, double z)
 {
-    return v3_add(v3_add(v3_scale(a->left, x), v3_scale(a->ahead, y)), v3(0, 0, z));
+    return v3_add(v3_add(v3_scale(axes->left, x), v3_scale(axes->ahead, y)), v3(0, 0, z));
 }
 
 // A vector turned from one person's axes to another's.
@@ -55,14 +55,14 @@ static const struct bone limbs[] = {{JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, PART
                                     {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, PART_RIGHT_SHIN, 0.42}};
 
 static void put_bone(const struct skeleton *person, const struct movement_frame *pose, const struct axes *to,
-                     const struct bone *b, struct skeleton *out)
+                     const struct bone *bone, struct skeleton *out)
 {
-    const bool measured = person->confidence[b->from] > 0 && person->confidence[b->to] > 0;
-    const double length_m = measured ? v3_distance(person->joint[b->from], person->joint[b->to]) : b->usual_m;
-    const float *d = pose->direction[b->part];
-    const bool known = (pose->known >> b->part & 1) && out->confidence[b->from] > 0;
-    out->joint[b->to] = v3_add(out->joint[b->from], v3_scale(to_world(to, d[0], d[1], d[2]), length_m));
-    out->confidence[b->to] = known;
+    const bool measured = person->confidence[bone->from] > 0 && person->confidence[bone->to] > 0;
+    const double length_m = measured ? v3_distance(person->joint[bone->from], person->joint[bone->to]) : bone->usual_m;
+    const float *d = pose->direction[bone->part];
+    const bool known = (pose->known >> bone->part & 1) && out->confidence[bone->from] > 0;
+    out->joint[bone->to] = v3_add(out->joint[bone->from], v3_scale(to_world(to, d[0], d[1], d[2]), length_m));
+    out->confidence[bone->to] = known;
 }
 
 static void put_hips(const struct skeleton *person, const struct axes *from, const struct axes *to,
@@ -101,14 +101,14 @@ static void put_shoulders(const struct skeleton *person, const struct movement_f
 }
 
 // The height of the lower foot; false: neither is known.
-static bool lower_foot(const struct skeleton *s, double *z)
+static bool lower_foot(const struct skeleton *skeleton, double *z)
 {
-    const bool left = s->confidence[JOINT_LEFT_FOOT] > 0, right = s->confidence[JOINT_RIGHT_FOOT] > 0;
+    const bool left = skeleton->confidence[JOINT_LEFT_FOOT] > 0, right = skeleton->confidence[JOINT_RIGHT_FOOT] > 0;
     *z = INFINITY;
     if (left)
-        *z = s->joint[JOINT_LEFT_FOOT].z;
+        *z = skeleton->joint[JOINT_LEFT_FOOT].z;
     if (right)
-        *z = fmin(*z, s->joint[JOINT_RIGHT_FOOT].z);
+        *z = fmin(*z, skeleton->joint[JOINT_RIGHT_FOOT].z);
     return left || right;
 }
 

@@ -2,8 +2,8 @@
 // thread asks the address that the file gives for what is newer, and writes it into the file; nothing waits for it, and
 // what fails says why.
 #pragma once
-#include "formats/glb_reader.h"
 #include "base/linear_algebra.h"
+#include "formats/glb_reader.h"
 #include "objects/thing_knowledge.h"
 #include "recording/recording.h"
 #include "reenact/render/solid_renderer.h"
@@ -30,12 +30,12 @@ struct place_things {
 
 // Pictures and models that cannot be read are left out. As recording_read_things; on error there are none.
 MUST_CHECK enum status place_things_read(struct recording *r, struct place_things *out);
-void place_things_free(struct place_things *t); // zeroed is fine
+void place_things_free(struct place_things *things); // zeroed is fine
 
 // The largest standard deviation of a covariance in any direction: the longest half axis of its ellipsoid.
-double covariance_largest_sigma(const struct covariance3 *c);
+double covariance_largest_sigma(const struct covariance3 *covariance3);
 // The half axes of the 95 % ellipsoid, metres, longest first, world axes.
-void covariance_ellipsoid(const struct covariance3 *c, struct vec3 axes[3]);
+void covariance_ellipsoid(const struct covariance3 *covariance3, struct vec3 axes[3]);
 
 struct knowledge_asker;
 struct knowledge_asker_options {
@@ -50,10 +50,10 @@ MUST_CHECK enum status knowledge_asker_start(struct knowledge_asker **out,
 // NULL is fine. Does not wait for a request that runs: its thread ends with it, and notifies of nothing more.
 void knowledge_asker_close(struct knowledge_asker **a);
 // Asks for that thing next, in place of one that waits; does not block.
-void knowledge_asker_ask(struct knowledge_asker *a, int index, const struct place_thing *thing);
+void knowledge_asker_ask(struct knowledge_asker *asker, int index, const struct place_thing *thing);
 // Puts an answer that came into its thing; returns the thing's index, or -1. Does not block.
-int knowledge_asker_take(struct knowledge_asker *a, struct place_things *things);
-bool knowledge_asker_asks(struct knowledge_asker *a, int index); // a request for it waits or runs
+int knowledge_asker_take(struct knowledge_asker *asker, struct place_things *things);
+bool knowledge_asker_asks(struct knowledge_asker *asker, int index); // a request for it waits or runs
 
 // ---------------------------------------------------------------- thing solid
 
@@ -61,9 +61,9 @@ bool knowledge_asker_asks(struct knowledge_asker *a, int index); // a request fo
 // front. The GPU's thread.
 
 struct thing_solid {
-    struct solid_mesh *parts[GLB_MOST_PARTS];
-    struct gpu_texture *pictures[GLB_MOST_PARTS]; // NULL: none
-    bool two_sided[GLB_MOST_PARTS];
+    struct solid_mesh *parts[GLB_MAX_PARTS];
+    struct gpu_texture *pictures[GLB_MAX_PARTS]; // NULL: none
+    bool two_sided[GLB_MAX_PARTS];
     int count;
     bool is_model;
     struct vec3 low, high; // bounds in the thing's axes, metres
@@ -71,11 +71,11 @@ struct thing_solid {
 
 // ERR_DEVICE, ERR_MEMORY. On error *out is zeroed.
 MUST_CHECK enum status thing_solid_open(struct thing_solid *out, struct gpu *gpu, const struct place_thing *thing);
-void thing_solid_close(struct thing_solid *s); // zeroed is fine
+void thing_solid_close(struct thing_solid *solid); // zeroed is fine
 
-void thing_solid_draw(const struct thing_solid *s, struct solid_renderer *r, const struct solid_view *view,
+void thing_solid_draw(const struct thing_solid *solid, struct solid_renderer *renderer, const struct solid_view *view,
                       struct pose world_from_thing);
 
 // Alone, turned by `angle` about its vertical axis, in the middle of the target, which is cleared.
-void thing_solid_draw_turning(const struct thing_solid *s, struct solid_renderer *r, struct gpu_target *target,
-                              double angle);
+void thing_solid_draw_turning(const struct thing_solid *solid, struct solid_renderer *renderer,
+                              struct gpu_target *target, double angle);

@@ -41,5 +41,5 @@ struct robot_place_answer {
 };
 // Offers the captures taken so far, and says what is known by now. The pictures' colours are borrowed until the finder
 // is closed, the rest is copied.
-void robot_place_finder_update(struct robot_place_finder *f, const struct surround_picture *pictures, int count,
+void robot_place_finder_update(struct robot_place_finder *finder, const struct surround_picture *pictures, int count,
                                struct robot_place_answer *out);

@@ -10,14 +10,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool room_worker_take_picture(struct room_worker *w, int *slot, struct surround_picture *out);
-static void room_worker_free_picture(struct surround_picture *p);
+static bool room_worker_take_picture(struct room_worker *worker, int *slot, struct surround_picture *out);
+static void room_worker_free_picture(struct surround_picture *picture);
 
 // ---------------------------------------------------------------- filmed layer
 
 // The grid over the picture that is bent: pixels from vertex to vertex; neighbours whose inverse depth differs by more
 // than this share of the nearer one's lie on two surfaces, between which the picture is open. Chosen by hand.
-enum { GRID_PX = 4, MOST_VERTICES = 60000 };
+enum { GRID_PX = 4, MAX_VERTICES = 60000 };
 static const float OPEN = 0.08F;
 // The flat picture lies this far behind the bent one, metres: the slits that a movement opens at silhouettes have the
 // background's colours until the next picture. Nearer to the picture's viewpoint than STILL_M it is shown flat.
@@ -29,8 +29,8 @@ struct filmed_layer {
     int width, height;
     struct gpu_texture *texture; // the picture
     struct solid_mesh *mesh, *flat;
-    struct solid_vertex *vertices; // MOST_VERTICES
-    uint16_t *corners;             // 6 * MOST_VERTICES
+    struct solid_vertex *vertices; // MAX_VERTICES
+    uint16_t *corners;             // 6 * MAX_VERTICES
     int64_t number;                // of the picture that was uploaded
     int64_t drawn_number;          // what the target shows
     struct lens drawn_lens;
@@ -43,8 +43,8 @@ enum status filmed_layer_open(struct filmed_layer **out, struct gpu *gpu)
     if (!f)
         return fail(ERR_MEMORY, "no memory for the filmed room");
     f->gpu = gpu;
-    f->vertices = malloc(sizeof *f->vertices * MOST_VERTICES);
-    f->corners = malloc(sizeof *f->corners * 6 * MOST_VERTICES);
+    f->vertices = malloc(sizeof *f->vertices * MAX_VERTICES);
+    f->corners = malloc(sizeof *f->corners * 6 * MAX_VERTICES);
     if (f->vertices && f->corners)
         return OK;
     filmed_layer_close(out);
@@ -66,18 +66,19 @@ void filmed_layer_close(struct filmed_layer **out)
     *out = NULL;
 }
 
-static void put_vertex(struct solid_vertex *v, const struct room_picture *p, int x, int y)
+static void put_vertex(struct solid_vertex *vertex, const struct room_picture *picture, int x, int y)
 {
-    const float inverse = p->inverse_z[(size_t)y * (size_t)p->lens.width + (size_t)x];
+    const float inverse = picture->inverse_z[(size_t)y * (size_t)picture->lens.width + (size_t)x];
     const double z = inverse > 1e-3F ? 1 / (double)inverse : 1;
-    const struct vec3 world = pose_apply(p->world_from_view, v3_scale(lens_ray(&p->lens, (struct pixel){x, y}), z));
-    *v = (struct solid_vertex){.at = {(float)world.x, (float)world.y, (float)world.z},
-                               .u = ((float)x + 0.5F) / (float)p->lens.width,
-                               .v = ((float)y + 0.5F) / (float)p->lens.height,
-                               .color = {1, 1, 1, 1}};
+    const struct vec3 world =
+        pose_apply(picture->world_from_view, v3_scale(lens_ray(&picture->lens, (struct pixel){x, y}), z));
+    *vertex = (struct solid_vertex){.at = {(float)world.x, (float)world.y, (float)world.z},
+                                    .u = ((float)x + 0.5F) / (float)picture->lens.width,
+                                    .v = ((float)y + 0.5F) / (float)picture->lens.height,
+                                    .color = {1, 1, 1, 1}};
 }
 
-static bool closed(const float inverse[3])
+static bool is_triangle_closed(const float inverse[3])
 {
     float low = inverse[0], high = inverse[0];
     for (int k = 1; k < 3; k++) {
@@ -88,22 +89,23 @@ static bool closed(const float inverse[3])
 }
 
 // The picture as a surface: *vertices and *corners used.
-static void bend(struct filmed_layer *f, const struct room_picture *p, int *vertex_count, int *corner_count)
+static void build_surface(struct filmed_layer *layer, const struct room_picture *picture, int *vertex_count,
+                          int *corner_count)
 {
     int step = GRID_PX, columns, rows;
     do {
-        columns = (p->lens.width - 2) / step + 2;
-        rows = (p->lens.height - 2) / step + 2;
+        columns = (picture->lens.width - 2) / step + 2;
+        rows = (picture->lens.height - 2) / step + 2;
         step++;
-    } while (columns * rows > MOST_VERTICES);
+    } while (columns * rows > MAX_VERTICES);
     step--;
     *corner_count = 0;
     *vertex_count = columns * rows;
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < columns; c++) {
-            const int x = c * step < p->lens.width ? c * step : p->lens.width - 1;
-            const int y = r * step < p->lens.height ? r * step : p->lens.height - 1;
-            put_vertex(&f->vertices[r * columns + c], p, x, y);
+            const int x = c * step < picture->lens.width ? c * step : picture->lens.width - 1;
+            const int y = r * step < picture->lens.height ? r * step : picture->lens.height - 1;
+            put_vertex(&layer->vertices[r * columns + c], picture, x, y);
         }
     for (int r = 0; r + 1 < rows; r++)
         for (int c = 0; c + 1 < columns; c++) {
@@ -113,61 +115,61 @@ static void bend(struct filmed_layer *f, const struct room_picture *p, int *vert
                 float inverse[3];
                 for (int k = 0; k < 3; k++) {
                     const int rc = quad[t][k] / columns * step, cc = quad[t][k] % columns * step;
-                    const int y = rc < p->lens.height ? rc : p->lens.height - 1;
-                    const int x = cc < p->lens.width ? cc : p->lens.width - 1;
-                    inverse[k] = p->inverse_z[(size_t)y * (size_t)p->lens.width + (size_t)x];
+                    const int y = rc < picture->lens.height ? rc : picture->lens.height - 1;
+                    const int x = cc < picture->lens.width ? cc : picture->lens.width - 1;
+                    inverse[k] = picture->inverse_z[(size_t)y * (size_t)picture->lens.width + (size_t)x];
                 }
-                for (int k = 0; k < 3 && closed(inverse); k++)
-                    f->corners[(*corner_count)++] = (uint16_t)quad[t][k];
+                for (int k = 0; k < 3 && is_triangle_closed(inverse); k++)
+                    layer->corners[(*corner_count)++] = (uint16_t)quad[t][k];
             }
         }
 }
 
-static enum status upload_texture(struct filmed_layer *f, const struct room_picture *p)
+static enum status upload_texture(struct filmed_layer *layer, const struct room_picture *picture)
 {
-    const struct gpu_texture_layout how = {GPU_RGBA8, p->lens.width, p->lens.height, GPU_LINEAR};
-    return gpu_texture_put(&f->texture, f->gpu, &how, p->rgba);
+    const struct gpu_texture_layout how = {GPU_RGBA8, picture->lens.width, picture->lens.height, GPU_LINEAR};
+    return gpu_texture_put(&layer->texture, layer->gpu, &how, picture->rgba);
 }
 
 // The whole picture on the plane z = 1 of its camera.
-static enum status open_flat(struct filmed_layer *f, const struct room_picture *p)
+static enum status open_flat(struct filmed_layer *layer, const struct room_picture *picture)
 {
     static const uint32_t corners[6] = {0, 2, 1, 1, 2, 3};
     struct solid_vertex v[4];
     for (int i = 0; i < 4; i++) {
         const int right = i & 1, low = i >> 1;
-        const struct pixel px = {right ? p->lens.width - 0.5 : -0.5, low ? p->lens.height - 0.5 : -0.5};
-        const struct vec3 at = lens_ray(&p->lens, px);
+        const struct pixel px = {right ? picture->lens.width - 0.5 : -0.5, low ? picture->lens.height - 0.5 : -0.5};
+        const struct vec3 at = lens_ray(&picture->lens, px);
         v[i] = (struct solid_vertex){
             .at = {(float)at.x, (float)at.y, (float)at.z}, .u = (float)right, .v = (float)low, .color = {1, 1, 1, 1}};
     }
-    solid_mesh_close(&f->flat);
-    return solid_mesh_open(&f->flat, f->gpu, v, 4, corners, 6);
+    solid_mesh_close(&layer->flat);
+    return solid_mesh_open(&layer->flat, layer->gpu, v, 4, corners, 6);
 }
 
-static enum status upload(struct filmed_layer *f, const struct room_picture *p)
+static enum status upload_picture(struct filmed_layer *layer, const struct room_picture *picture)
 {
     int vertices, corners;
-    enum status status = upload_texture(f, p);
+    enum status status = upload_texture(layer, picture);
     if (status == OK)
-        status = open_flat(f, p);
+        status = open_flat(layer, picture);
     if (status != OK)
         return status;
-    bend(f, p, &vertices, &corners);
-    if (!f->mesh) { // of the largest size, once
-        uint32_t *all = malloc(sizeof *all * 6 * MOST_VERTICES);
-        for (int i = 0; i < 6 * MOST_VERTICES && all; i++)
-            all[i] = (uint32_t)(i % MOST_VERTICES);
-        for (int i = vertices; i < MOST_VERTICES; i++)
-            f->vertices[i] = (struct solid_vertex){.u = 0};
-        status = all ? solid_mesh_open(&f->mesh, f->gpu, f->vertices, MOST_VERTICES, all, 6 * MOST_VERTICES)
+    build_surface(layer, picture, &vertices, &corners);
+    if (!layer->mesh) { // of the largest size, once
+        uint32_t *all = malloc(sizeof *all * 6 * MAX_VERTICES);
+        for (int i = 0; i < 6 * MAX_VERTICES && all; i++)
+            all[i] = (uint32_t)(i % MAX_VERTICES);
+        for (int i = vertices; i < MAX_VERTICES; i++)
+            layer->vertices[i] = (struct solid_vertex){.u = 0};
+        status = all ? solid_mesh_open(&layer->mesh, layer->gpu, layer->vertices, MAX_VERTICES, all, 6 * MAX_VERTICES)
                      : fail(ERR_MEMORY, "no memory for the filmed room");
         free(all);
         if (status != OK)
             return status;
     }
-    solid_mesh_write(f->mesh, f->vertices, vertices, f->corners, corners);
-    f->number = p->number;
+    solid_mesh_write(layer->mesh, layer->vertices, vertices, layer->corners, corners);
+    layer->number = picture->number;
     return OK;
 }
 
@@ -192,7 +194,7 @@ enum status filmed_layer_draw(struct filmed_layer *f, struct solid_renderer *r, 
         status = gpu_target_open(&f->target, f->gpu, lens->width, lens->height);
     }
     if (status == OK && p->number != f->number)
-        status = upload(f, p);
+        status = upload_picture(f, p);
     if (status != OK)
         return status;
     const struct solid_view view = {f->target, *lens, world_from_camera};
@@ -247,21 +249,21 @@ void room_views_close(struct room_views **out)
 }
 
 // Whether anything was new.
-static bool take(struct room_views *v, struct room_worker *worker)
+static bool take_pictures(struct room_views *views, struct room_worker *worker)
 {
     float gains[ROOM_DEPTHS][3];
     struct surround_picture picture;
     int slot;
     while (room_worker_take_picture(worker, &slot, &picture)) {
-        room_worker_free_picture(&v->pictures[slot]);
-        v->pictures[slot] = picture;
+        room_worker_free_picture(&views->pictures[slot]);
+        views->pictures[slot] = picture;
     }
     const int64_t number = room_worker_gains(worker, gains);
-    const bool fresh = number != v->number;
-    v->number = number;
+    const bool fresh = number != views->number;
+    views->number = number;
     for (int i = 0; i < ROOM_DEPTHS && fresh; i++)
-        if (v->pictures[i].inverse)
-            memcpy(v->pictures[i].gain, gains[i], sizeof gains[i]);
+        if (views->pictures[i].inverse)
+            memcpy(views->pictures[i].gain, gains[i], sizeof gains[i]);
     return fresh;
 }
 
@@ -271,7 +273,7 @@ enum status room_views_draw(struct room_views *v, struct room_worker *worker, co
     const struct surround_picture *list[ROOM_DEPTHS];
     const struct surround_image image = {*lens, world_from_camera, v->how, false, 1};
     int count = 0;
-    const bool fresh = take(v, worker);
+    const bool fresh = take_pictures(v, worker);
     *out = v->texture;
     if (v->texture && !fresh && !room_views_more(v) && lens_equal(lens, &v->lens) &&
         same_pose(&world_from_camera, &v->pose))
@@ -290,7 +292,7 @@ enum status room_views_draw(struct room_views *v, struct room_worker *worker, co
     return status;
 }
 
-bool room_views_more(const struct room_views *v) { return surround_renderer_missing(v->renderer) > 0; }
+bool room_views_more(const struct room_views *views) { return surround_renderer_missing(views->renderer) > 0; }
 
 // ---------------------------------------------------------------- room worker
 
@@ -336,10 +338,10 @@ static bool goes_on(void *self)
     return on;
 }
 
-static void tell(const struct room_worker *w)
+static void notify_owner(const struct room_worker *worker)
 {
-    if (w->notify)
-        w->notify(w->notify_self);
+    if (worker->notify)
+        worker->notify(worker->notify_self);
 }
 
 // ---------------------------------------------------------------- drawing
@@ -366,88 +368,89 @@ static struct lens drawn_lens(const struct lens *of, const struct drawn_size *si
 }
 
 // The buffer that is neither shown nor the newest.
-static int spare(const struct room_worker *w)
+static int spare_buffer(const struct room_worker *worker)
 {
     int i = 0;
-    while (i == w->shown || i == w->ready)
+    while (i == worker->shown || i == worker->ready)
         i++;
     return i;
 }
 
-static enum status fill(struct room_picture *p, const struct surround_view *view, struct pose pose)
+static enum status fill_picture(struct room_picture *picture, const struct surround_view *view, struct pose pose)
 {
     const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
-    if (p->lens.width != view->lens.width || p->lens.height != view->lens.height || !p->rgba) {
-        free(p->inverse_z);
-        free(p->rgba);
-        *p = (struct room_picture){.inverse_z = malloc(sizeof *p->inverse_z * pixels), .rgba = malloc(4 * pixels)};
-        if (!p->inverse_z || !p->rgba) {
-            free(p->inverse_z);
-            free(p->rgba);
-            *p = (struct room_picture){0};
+    if (picture->lens.width != view->lens.width || picture->lens.height != view->lens.height || !picture->rgba) {
+        free(picture->inverse_z);
+        free(picture->rgba);
+        *picture =
+            (struct room_picture){.inverse_z = malloc(sizeof *picture->inverse_z * pixels), .rgba = malloc(4 * pixels)};
+        if (!picture->inverse_z || !picture->rgba) {
+            free(picture->inverse_z);
+            free(picture->rgba);
+            *picture = (struct room_picture){0};
             return fail(ERR_MEMORY, "no memory for the room behind the actor");
         }
     }
-    p->lens = view->lens;
-    p->world_from_view = pose;
+    picture->lens = view->lens;
+    picture->world_from_view = pose;
     for (size_t i = 0; i < pixels; i++) {
         const bool seen = view->source[i] != SOURCE_UNSEEN && view->inverse_z[i] > 0;
-        p->inverse_z[i] = seen ? view->inverse_z[i] : -1;
+        picture->inverse_z[i] = seen ? view->inverse_z[i] : -1;
         for (int c = 0; c < 3; c++)
-            p->rgba[4 * i + (size_t)c] = seen ? view->rgb[3 * i + (size_t)c] : 0;
-        p->rgba[4 * i + 3] = seen ? 255 : 0;
+            picture->rgba[4 * i + (size_t)c] = seen ? view->rgb[3 * i + (size_t)c] : 0;
+        picture->rgba[4 * i + 3] = seen ? 255 : 0;
     }
     return OK;
 }
 
-static enum status draw_step(struct room_worker *w, const struct lens *wanted, struct pose pose, int most,
+static enum status draw_step(struct room_worker *worker, const struct lens *wanted, struct pose pose, int max,
                              const struct drawn_size *size)
 {
     const struct lens lens = drawn_lens(wanted, size);
     enum status status = OK;
-    if (!lens_equal(&lens, &w->room.view.lens) || !w->room.view.rgb)
-        status = filmed_room_set_lens(&w->room, &lens);
-    w->room.how.most_pictures = most;
+    if (!lens_equal(&lens, &worker->room.view.lens) || !worker->room.view.rgb)
+        status = filmed_room_set_lens(&worker->room, &lens);
+    worker->room.how.max_pictures = max;
     if (status == OK)
-        status = surroundings_draw(&w->room, pose);
+        status = surroundings_draw(&worker->room, pose);
     if (status == OK)
-        status = filmed_room_trim(&w->room, pose, ROOM_DEPTHS);
+        status = filmed_room_trim(&worker->room, pose, ROOM_DEPTHS);
     if (status != OK)
         return status;
-    pthread_mutex_lock(&w->worker.lock);
-    const int into = spare(w);
-    pthread_mutex_unlock(&w->worker.lock);
-    struct room_picture *p = &w->pictures[into]; // untouched by the others
-    status = fill(p, &w->room.view, pose);
+    pthread_mutex_lock(&worker->worker.lock);
+    const int into = spare_buffer(worker);
+    pthread_mutex_unlock(&worker->worker.lock);
+    struct room_picture *p = &worker->pictures[into]; // untouched by the others
+    status = fill_picture(p, &worker->room.view, pose);
     if (status != OK)
         return status;
-    p->number = ++w->made;
+    p->number = ++worker->made;
     p->final = size == &fine;
-    pthread_mutex_lock(&w->worker.lock);
-    w->ready = into;
-    pthread_mutex_unlock(&w->worker.lock);
-    tell(w);
+    pthread_mutex_lock(&worker->worker.lock);
+    worker->ready = into;
+    pthread_mutex_unlock(&worker->worker.lock);
+    notify_owner(worker);
     return OK;
 }
 
 // ---------------------------------------------------------------- handing over
 
-static bool is_held(const struct room_worker *w, const struct surround_picture *p)
+static bool is_held(const struct room_worker *worker, const struct surround_picture *picture)
 {
     for (int i = 0; i < ROOM_DEPTHS; i++)
-        if (w->held[i] == p)
+        if (worker->held[i] == picture)
             return true;
     return false;
 }
 
 // A slot that is free, or holds a picture that is not in the list, which is shorter than there are slots.
-static int slot_for(const struct room_worker *w, const struct surround_picture *const *list, int count)
+static int slot_for(const struct room_worker *worker, const struct surround_picture *const *list, int count)
 {
     int slot = 0;
     for (; slot < ROOM_DEPTHS; slot++) {
         bool listed = false;
-        for (int i = 0; i < count && w->held[slot]; i++)
-            listed |= list[i] == w->held[slot];
+        for (int i = 0; i < count && worker->held[slot]; i++)
+            listed |= list[i] == worker->held[slot];
         if (!listed)
             break;
     }
@@ -455,10 +458,10 @@ static int slot_for(const struct room_worker *w, const struct surround_picture *
     return slot;
 }
 
-static enum status hand_one(struct room_worker *w, const struct surround_picture *p, int slot)
+static enum status hand_one(struct room_worker *worker, const struct surround_picture *picture, int slot)
 {
-    const size_t pixels = (size_t)p->width * (size_t)p->height;
-    struct surround_picture copy = *p, former;
+    const size_t pixels = (size_t)picture->width * (size_t)picture->height;
+    struct surround_picture copy = *picture, former;
     copy.mesh = NULL;
     enum status status = surround_picture_make_mesh(&copy);
     copy.ray_table = NULL;
@@ -470,149 +473,150 @@ static enum status hand_one(struct room_worker *w, const struct surround_picture
         room_worker_free_picture(&copy);
         return status;
     }
-    memcpy(copy.joined, p->joined, pixels);
-    memcpy(copy.inverse, p->inverse, pixels * sizeof *copy.inverse);
-    pthread_mutex_lock(&w->worker.lock);
-    former = w->waiting[slot];
-    w->waiting[slot] = copy;
-    pthread_mutex_unlock(&w->worker.lock);
+    memcpy(copy.joined, picture->joined, pixels);
+    memcpy(copy.inverse, picture->inverse, pixels * sizeof *copy.inverse);
+    pthread_mutex_lock(&worker->worker.lock);
+    former = worker->waiting[slot];
+    worker->waiting[slot] = copy;
+    pthread_mutex_unlock(&worker->worker.lock);
     room_worker_free_picture(&former);
-    w->held[slot] = p;
+    worker->held[slot] = picture;
     return OK;
 }
 
-static enum status hand_step(struct room_worker *w, struct pose pose, int most)
+static enum status hand_step(struct room_worker *worker, struct pose pose, int max)
 {
     const struct surround_picture *const *list;
     int count;
-    w->room.how.most_pictures = most;
-    enum status status = surroundings_prepare(&w->room, pose, &list, &count);
+    worker->room.how.max_pictures = max;
+    enum status status = surroundings_prepare(&worker->room, pose, &list, &count);
     for (int i = 0; i < count && status == OK; i++)
-        if (!is_held(w, list[i]))
-            status = hand_one(w, list[i], slot_for(w, list, count));
+        if (!is_held(worker, list[i]))
+            status = hand_one(worker, list[i], slot_for(worker, list, count));
     if (status == OK)
-        status = filmed_room_trim(&w->room, pose, ROOM_DEPTHS);
+        status = filmed_room_trim(&worker->room, pose, ROOM_DEPTHS);
     if (status != OK)
         return status;
-    pthread_mutex_lock(&w->worker.lock);
+    pthread_mutex_lock(&worker->worker.lock);
     for (int i = 0; i < ROOM_DEPTHS; i++)
-        if (w->held[i])
-            memcpy(w->gains[i], w->held[i]->gain, sizeof w->gains[i]);
-    w->handed++;
-    pthread_mutex_unlock(&w->worker.lock);
-    tell(w);
+        if (worker->held[i])
+            memcpy(worker->gains[i], worker->held[i]->gain, sizeof worker->gains[i]);
+    worker->handed++;
+    pthread_mutex_unlock(&worker->worker.lock);
+    notify_owner(worker);
     return OK;
 }
 
 // With hand_over: a picture with its depth and mesh, in place of what the caller holds in *slot, 0..ROOM_DEPTHS - 1.
 // The caller closes it with room_worker_free_picture; its colours stay the worker's, until that is closed. False: none
 // is new.
-static bool room_worker_take_picture(struct room_worker *w, int *slot, struct surround_picture *out)
+static bool room_worker_take_picture(struct room_worker *worker, int *slot, struct surround_picture *out)
 {
-    pthread_mutex_lock(&w->worker.lock);
-    for (*slot = 0; *slot < ROOM_DEPTHS && !w->waiting[*slot].inverse;)
+    pthread_mutex_lock(&worker->worker.lock);
+    for (*slot = 0; *slot < ROOM_DEPTHS && !worker->waiting[*slot].inverse;)
         ++*slot;
     const bool any = *slot < ROOM_DEPTHS;
     if (any) {
-        *out = w->waiting[*slot];
-        w->waiting[*slot] = (struct surround_picture){0};
+        *out = worker->waiting[*slot];
+        worker->waiting[*slot] = (struct surround_picture){0};
     }
-    pthread_mutex_unlock(&w->worker.lock);
+    pthread_mutex_unlock(&worker->worker.lock);
     return any;
 }
 
 // what was zeroed, too
-static void room_worker_free_picture(struct surround_picture *p)
+static void room_worker_free_picture(struct surround_picture *picture)
 {
-    p->rgb = NULL; // borrowed
-    surround_picture_free(p);
+    picture->rgb = NULL; // borrowed
+    surround_picture_free(picture);
 }
 
-int64_t room_worker_gains(struct room_worker *w, float gains[ROOM_DEPTHS][3])
+int64_t room_worker_gains(struct room_worker *worker, float gains[ROOM_DEPTHS][3])
 {
-    pthread_mutex_lock(&w->worker.lock);
-    memcpy(gains, w->gains, sizeof w->gains);
-    const int64_t handed = w->handed;
-    pthread_mutex_unlock(&w->worker.lock);
+    pthread_mutex_lock(&worker->worker.lock);
+    memcpy(gains, worker->gains, sizeof worker->gains);
+    const int64_t handed = worker->handed;
+    pthread_mutex_unlock(&worker->worker.lock);
     return handed;
 }
 
 // ---------------------------------------------------------------- step by step
 
 // Whether something newer was asked for meanwhile, or the thread is to end.
-static bool overtaken(struct room_worker *w, int64_t number)
+static bool is_overtaken(struct room_worker *worker, int64_t number)
 {
-    pthread_mutex_lock(&w->worker.lock);
-    const bool is = w->worker.closing || w->asked_number != number;
-    pthread_mutex_unlock(&w->worker.lock);
+    pthread_mutex_lock(&worker->worker.lock);
+    const bool is = worker->worker.closing || worker->asked_number != number;
+    pthread_mutex_unlock(&worker->worker.lock);
     return is;
 }
 
 // From few pictures to all. Depth that is there already costs nothing, so the first step takes as many pictures as have
 // it.
-static enum status draw(struct room_worker *w, const struct lens *lens, struct pose pose, int64_t number)
+static enum status draw_room(struct room_worker *worker, const struct lens *lens, struct pose pose, int64_t number)
 {
     int with_depth = 0;
     enum status status = OK;
-    for (int i = 0; i < w->room.taken; i++)
-        with_depth += !w->room.stale[i];
+    for (int i = 0; i < worker->room.taken; i++)
+        with_depth += !worker->room.stale[i];
     size_t first = 0;
     while (first + 1 < COUNT_OF(steps) && steps[first] < with_depth)
         first++;
     for (size_t i = first; i < COUNT_OF(steps) && status == OK; i++) {
-        const bool last = i + 1 == COUNT_OF(steps) || steps[i] >= w->room.taken;
-        if (i > first && overtaken(w, number))
+        const bool last = i + 1 == COUNT_OF(steps) || steps[i] >= worker->room.taken;
+        if (i > first && is_overtaken(worker, number))
             break;
-        status = w->hand_over ? hand_step(w, pose, steps[i]) : draw_step(w, lens, pose, steps[i], &coarse);
+        status =
+            worker->hand_over ? hand_step(worker, pose, steps[i]) : draw_step(worker, lens, pose, steps[i], &coarse);
         if (last)
             break;
     }
-    if (status == OK && !w->hand_over && !overtaken(w, number))
-        status = draw_step(w, lens, pose, steps[COUNT_OF(steps) - 1], &fine);
+    if (status == OK && !worker->hand_over && !is_overtaken(worker, number))
+        status = draw_step(worker, lens, pose, steps[COUNT_OF(steps) - 1], &fine);
     return status;
 }
 
 // ---------------------------------------------------------------- the thread
 
-static enum status prepare(struct room_worker *w)
+static enum status prepare_room(struct room_worker *worker)
 {
     struct surroundings_options how = surroundings_default_options(SURROUNDINGS_FILMED);
     const struct lens small = {.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 7.5, .cy = 7.5};
     struct recording *recording = NULL;
     struct place place = {0};
     struct place_mesh mesh = {0};
-    enum status status = recording_open(&recording, w->path);
+    enum status status = recording_open(&recording, worker->path);
     if (status == OK)
         status = recording_read_place(recording, &place);
     recording_free(&recording);
-    const bool has_mesh = status == OK && place_mesh_make(&mesh, &place, goes_on, w) == OK;
-    pthread_mutex_lock(&w->worker.lock);
-    w->mesh = mesh;
-    w->has_mesh = has_mesh;
-    pthread_mutex_unlock(&w->worker.lock);
-    tell(w);
+    const bool has_mesh = status == OK && place_mesh_make(&mesh, &place, goes_on, worker) == OK;
+    pthread_mutex_lock(&worker->worker.lock);
+    worker->mesh = mesh;
+    worker->has_mesh = has_mesh;
+    pthread_mutex_unlock(&worker->worker.lock);
+    notify_owner(worker);
     how.surface_m = SURFACE_M;
     how.threads = 1;
     int views = status == OK ? filmed_room_views(&place) : 0;
-    if (views && goes_on(w) && filmed_room_open(&w->room, &place, &small, &how) != OK)
+    if (views && goes_on(worker) && filmed_room_open(&worker->room, &place, &small, &how) != OK)
         views = 0;
     place_free(&place);
-    pthread_mutex_lock(&w->worker.lock);
-    w->views = views;
-    pthread_mutex_unlock(&w->worker.lock);
+    pthread_mutex_lock(&worker->worker.lock);
+    worker->views = views;
+    pthread_mutex_unlock(&worker->worker.lock);
     return views ? OK : NOTHING;
 }
 
-static void *run(void *self)
+static void *run_worker(void *self)
 {
     struct room_worker *w = self;
     thread_lower_priority();
-    enum status status = prepare(w);
+    enum status status = prepare_room(w);
     pthread_mutex_lock(&w->worker.lock);
     while (!w->worker.closing) {
         if (!w->asked || status != OK) {
             w->busy = false;
-            tell(w);
+            notify_owner(w);
             pthread_cond_wait(&w->worker.changed, &w->worker.lock);
             continue;
         }
@@ -622,7 +626,8 @@ static void *run(void *self)
         w->asked = false;
         w->busy = true;
         pthread_mutex_unlock(&w->worker.lock);
-        status = draw(w, &lens, pose, number); // without memory there is no room behind the actor, and no more is tried
+        status =
+            draw_room(w, &lens, pose, number); // without memory there is no room behind the actor, and no more is tried
         pthread_mutex_lock(&w->worker.lock);
     }
     pthread_mutex_unlock(&w->worker.lock);
@@ -644,7 +649,7 @@ enum status room_worker_start(struct room_worker **out, const struct room_worker
     w->shown = w->ready = -1;
     w->busy = true;
     worker_thread_open(&w->worker);
-    enum status status = worker_thread_start(&w->worker, run, w, "for the room behind the actor");
+    enum status status = worker_thread_start(&w->worker, run_worker, w, "for the room behind the actor");
     if (status != OK)
         room_worker_close(out);
     return status;
@@ -668,46 +673,46 @@ void room_worker_close(struct room_worker **out)
     *out = NULL;
 }
 
-void room_worker_ask(struct room_worker *w, const struct lens *lens, struct pose world_from_view)
+void room_worker_ask(struct room_worker *worker, const struct lens *lens, struct pose world_from_view)
 {
-    pthread_mutex_lock(&w->worker.lock);
-    w->lens = *lens;
-    w->world_from_view = world_from_view;
-    w->asked = true;
-    w->asked_number++;
-    w->busy = true;
-    pthread_cond_signal(&w->worker.changed);
-    pthread_mutex_unlock(&w->worker.lock);
+    pthread_mutex_lock(&worker->worker.lock);
+    worker->lens = *lens;
+    worker->world_from_view = world_from_view;
+    worker->asked = true;
+    worker->asked_number++;
+    worker->busy = true;
+    pthread_cond_signal(&worker->worker.changed);
+    pthread_mutex_unlock(&worker->worker.lock);
 }
 
-const struct room_picture *room_worker_latest(struct room_worker *w)
+const struct room_picture *room_worker_latest(struct room_worker *worker)
 {
-    pthread_mutex_lock(&w->worker.lock);
-    if (w->ready >= 0)
-        w->shown = w->ready;
-    const int shown = w->shown;
-    pthread_mutex_unlock(&w->worker.lock);
-    return shown >= 0 ? &w->pictures[shown] : NULL;
+    pthread_mutex_lock(&worker->worker.lock);
+    if (worker->ready >= 0)
+        worker->shown = worker->ready;
+    const int shown = worker->shown;
+    pthread_mutex_unlock(&worker->worker.lock);
+    return shown >= 0 ? &worker->pictures[shown] : NULL;
 }
 
-bool room_worker_take_mesh(struct room_worker *w, struct place_mesh *out)
+bool room_worker_take_mesh(struct room_worker *worker, struct place_mesh *out)
 {
-    pthread_mutex_lock(&w->worker.lock);
-    const bool has = w->has_mesh;
+    pthread_mutex_lock(&worker->worker.lock);
+    const bool has = worker->has_mesh;
     if (has) {
-        *out = w->mesh;
-        w->mesh = (struct place_mesh){0};
-        w->has_mesh = false;
+        *out = worker->mesh;
+        worker->mesh = (struct place_mesh){0};
+        worker->has_mesh = false;
     }
-    pthread_mutex_unlock(&w->worker.lock);
+    pthread_mutex_unlock(&worker->worker.lock);
     return has;
 }
 
-bool room_worker_idle(struct room_worker *w, int *views)
+bool room_worker_idle(struct room_worker *worker, int *views)
 {
-    pthread_mutex_lock(&w->worker.lock);
-    const bool idle = !w->busy;
-    *views = w->views;
-    pthread_mutex_unlock(&w->worker.lock);
+    pthread_mutex_lock(&worker->worker.lock);
+    const bool idle = !worker->busy;
+    *views = worker->views;
+    pthread_mutex_unlock(&worker->worker.lock);
     return idle;
 }

@@ -8,10 +8,10 @@
 // Memory: the views' pictures (3 bytes a pixel), depth for at most ROOM_DEPTHS of them (5 bytes a pixel), points 2 cm
 // apart, and three pictures as drawn. 40 views of 640 x 480: below 150 MB.
 #pragma once
+#include "platform/screen/gpu.h"
+#include "reenact/render/solid_renderer.h"
 #include "reenact/scene/place_mesh.h"
 #include "surround/picture/surround_picture.h"
-#include "reenact/render/solid_renderer.h"
-#include "platform/screen/gpu.h"
 
 enum { ROOM_DEPTHS = 20 };
 
@@ -32,7 +32,7 @@ void room_worker_close(struct room_worker **w); // NULL is fine; waits for the t
 // meanwhile, as large as the view, up to ROOM_LONG_FINE.
 #define ROOM_MARGIN 0.15
 enum { ROOM_LONG = 640, ROOM_LONG_FINE = 1280 };
-void room_worker_ask(struct room_worker *w, const struct lens *lens, struct pose world_from_view);
+void room_worker_ask(struct room_worker *worker, const struct lens *lens, struct pose world_from_view);
 
 struct room_picture {
     int64_t number; // from 1
@@ -43,16 +43,16 @@ struct room_picture {
     bool final;       // a better one of this view will not come
 };
 // The newest, borrowed until the next call; NULL: none yet.
-const struct room_picture *room_worker_latest(struct room_worker *w);
+const struct room_picture *room_worker_latest(struct room_worker *worker);
 
 // The present gains of the pictures in those slots. Returns a number that grows when anything is new.
-int64_t room_worker_gains(struct room_worker *w, float gains[ROOM_DEPTHS][3]);
+int64_t room_worker_gains(struct room_worker *worker, float gains[ROOM_DEPTHS][3]);
 
 // The map's surface, once; the caller frees it. False: not there (yet).
-bool room_worker_take_mesh(struct room_worker *w, struct place_mesh *out);
+bool room_worker_take_mesh(struct room_worker *worker, struct place_mesh *out);
 
 // Nothing is being worked on. views: of the place; 0: there is nothing to draw.
-bool room_worker_idle(struct room_worker *w, int *views);
+bool room_worker_idle(struct room_worker *worker, int *views);
 
 // ---------------------------------------------------------------- filmed layer
 
@@ -86,4 +86,4 @@ void room_views_close(struct room_views **v);
 MUST_CHECK enum status room_views_draw(struct room_views *v, struct room_worker *worker, const struct lens *lens,
                                        struct pose world_from_camera, const struct gpu_texture **out);
 // Whether a picture waits for the next call, so that uploads do not hold up an image.
-bool room_views_more(const struct room_views *v);
+bool room_views_more(const struct room_views *views);

@@ -15,7 +15,7 @@ struct frame_skip {
 
 // Counts one more located image. placed: its pose was found. newer: another image waits already.
 // True: skip this one in favour of the newer. Never two in a row.
-bool frame_skip_update(struct frame_skip *s, double took_ms, bool placed, bool newer);
+bool frame_skip_update(struct frame_skip *skip, double took_ms, bool placed, bool newer);
 
 // ---------------------------------------------------------------- frame times
 
@@ -40,10 +40,10 @@ struct frame_times {
     double total_worst_ms; // the longest sum of one frame's stages
 };
 
-void frame_times_add(struct frame_times *t, const double ms[FRAME_STAGES]);
+void frame_times_add(struct frame_times *times, const double ms[FRAME_STAGES]);
 // The stages of the frame `back` frames ago, 0 the last; NULL: not kept.
-const float *frame_times_at(const struct frame_times *t, int back);
-double frame_times_median(const struct frame_times *t); // of the kept frames' totals; 0 for none
+const float *frame_times_at(const struct frame_times *times, int back);
+double frame_times_median(const struct frame_times *times); // of the kept frames' totals; 0 for none
 
 // ---------------------------------------------------------------- resolution governor
 
@@ -68,7 +68,7 @@ enum { GOVERNOR_LEVELS = 5 };
 struct resolution_governor governor_start(double budget_ms);
 
 // Counts one more frame, drawn in that time. True: the level has changed.
-bool governor_update(struct resolution_governor *g, double took_ms);
+bool governor_update(struct resolution_governor *governor, double took_ms);
 
 // The resolution scale: share of the pixels along each axis, 1 down to 0.4.
-double governor_scale(const struct resolution_governor *g);
+double governor_scale(const struct resolution_governor *governor);

@@ -110,22 +110,23 @@ extern const double live_tempos[LIVE_TEMPOS];
 // Without a sensor all stays as it is: present is false, and nothing below is called.
 struct live_state live_state_start(bool has_camera);
 // A take was opened; a new sitting begins.
-void live_state_open_take(struct live_state *s, int64_t length_ns, const struct orbit *orbit, int64_t now_ns);
+void live_state_open_take(struct live_state *state, int64_t length_ns, const struct orbit *orbit, int64_t now_ns);
 
-void live_state_do(struct live_state *s, enum live_action action, int64_t now_ns);
-void live_state_to_ready(struct live_state *s, int64_t now_ns); // leaves the attempt or the summary
-void live_state_set_tempo(struct live_state *s, double tempo);
-void live_state_on_sight(struct live_state *s, const struct live_sight *sight, int64_t now_ns);
+void live_state_do(struct live_state *state, enum live_action action, int64_t now_ns);
+void live_state_to_ready(struct live_state *state, int64_t now_ns); // leaves the attempt or the summary
+void live_state_set_tempo(struct live_state *state, double tempo);
+void live_state_on_sight(struct live_state *state, const struct live_sight *sight, int64_t now_ns);
 // The attempt that was finished has been judged. length_ns: of what was collected.
-void live_state_on_result(struct live_state *s, const struct live_result *result, int64_t length_ns, int64_t now_ns);
+void live_state_on_result(struct live_state *state, const struct live_result *result, int64_t length_ns,
+                          int64_t now_ns);
 // Plays the attempt from a little before that instant of it.
-void live_state_review(struct live_state *s, int64_t at_ns);
+void live_state_review(struct live_state *state, int64_t at_ns);
 
 // Advances to now_ns. Returns until when nothing changes by itself: INT64_MAX, or now_ns while something moves.
-int64_t live_state_tick(struct live_state *s, int64_t now_ns);
+int64_t live_state_tick(struct live_state *state, int64_t now_ns);
 
 // 3, 2 or 1 while counting in; else 0.
-int live_state_count(const struct live_state *s);
+int live_state_count(const struct live_state *state);
 // One sentence for the person; NULL: nothing. Borrowed until the next call.
-const char *live_state_hint(const struct live_state *s);
-bool live_state_hint_warns(const struct live_state *s); // it says that something is wrong
+const char *live_state_hint(const struct live_state *state);
+bool live_state_hint_warns(const struct live_state *state); // it says that something is wrong

@@ -9,85 +9,87 @@
 // Chosen by hand.
 static const int64_t LONGEST_TAP_NS = 333000000;
 
-static int find(const struct gesture *g, int64_t id)
+static int find_finger(const struct gesture *gesture, int64_t id)
 {
-    for (int i = 0; i < g->count; i++)
-        if (g->fingers[i].id == id)
+    for (int i = 0; i < gesture->count; i++)
+        if (gesture->fingers[i].id == id)
             return i;
     return -1;
 }
 
-void gesture_down(struct gesture *g, int64_t id, double x, double y, int64_t now_ns)
+void gesture_down(struct gesture *gesture, int64_t id, double x, double y, int64_t now_ns)
 {
-    if (g->count == GESTURE_FINGERS || find(g, id) >= 0)
+    if (gesture->count == GESTURE_FINGERS || find_finger(gesture, id) >= 0)
         return;
-    if (g->count == 0) {
-        g->travelled = 0;
-        g->down_ns = now_ns;
-        g->several = false;
+    if (gesture->count == 0) {
+        gesture->travelled = 0;
+        gesture->down_ns = now_ns;
+        gesture->several = false;
     } else {
-        g->several = true;
+        gesture->several = true;
     }
-    g->fingers[g->count].id = id;
-    g->fingers[g->count].x = x;
-    g->fingers[g->count].y = y;
-    g->count++;
+    gesture->fingers[gesture->count].id = id;
+    gesture->fingers[gesture->count].x = x;
+    gesture->fingers[gesture->count].y = y;
+    gesture->count++;
 }
 
 // One of the first two fingers moved to (x, y): adds their push, spread and twist.
-static void move_two(struct gesture *g, int moved, double x, double y)
+static void move_two(struct gesture *gesture, int moved, double x, double y)
 {
-    double ax = g->fingers[0].x, ay = g->fingers[0].y, bx = g->fingers[1].x, by = g->fingers[1].y;
+    double ax = gesture->fingers[0].x, ay = gesture->fingers[0].y, bx = gesture->fingers[1].x,
+           by = gesture->fingers[1].y;
     double cx = moved == 0 ? x : ax, cy = moved == 0 ? y : ay, dx = moved == 1 ? x : bx, dy = moved == 1 ? y : by;
     double before = hypot(bx - ax, by - ay), after = hypot(dx - cx, dy - cy);
-    g->push_x += (cx + dx - ax - bx) / 2;
-    g->push_y += (cy + dy - ay - by) / 2;
+    gesture->push_x += (cx + dx - ax - bx) / 2;
+    gesture->push_y += (cy + dy - ay - by) / 2;
     if (before > 0 && after > 0) {
-        g->spread *= after / before;
+        gesture->spread *= after / before;
         double angle = atan2(dy - cy, dx - cx) - atan2(by - ay, bx - ax);
-        g->twist += remainder(angle, 2 * acos(-1));
+        gesture->twist += remainder(angle, 2 * acos(-1));
     }
 }
 
-void gesture_move(struct gesture *g, int64_t id, double x, double y)
+void gesture_move(struct gesture *gesture, int64_t id, double x, double y)
 {
-    int i = find(g, id);
+    int i = find_finger(gesture, id);
     if (i < 0)
         return;
-    if (g->spread == 0)
-        g->spread = 1;
-    double by_x = x - g->fingers[i].x, by_y = y - g->fingers[i].y;
-    if (g->count == 1) {
-        g->drag_x += by_x;
-        g->drag_y += by_y;
+    if (gesture->spread == 0)
+        gesture->spread = 1;
+    double by_x = x - gesture->fingers[i].x, by_y = y - gesture->fingers[i].y;
+    if (gesture->count == 1) {
+        gesture->drag_x += by_x;
+        gesture->drag_y += by_y;
     } else if (i < 2) {
-        move_two(g, i, x, y);
+        move_two(gesture, i, x, y);
     }
     if (i == 0)
-        g->travelled += hypot(by_x, by_y);
-    g->fingers[i].x = x;
-    g->fingers[i].y = y;
+        gesture->travelled += hypot(by_x, by_y);
+    gesture->fingers[i].x = x;
+    gesture->fingers[i].y = y;
 }
 
-void gesture_up(struct gesture *g, int64_t id, double slack, int64_t now_ns)
+void gesture_up(struct gesture *gesture, int64_t id, double slack, int64_t now_ns)
 {
-    int i = find(g, id);
+    int i = find_finger(gesture, id);
     if (i < 0)
         return;
-    g->tapped |= g->count == 1 && !g->several && g->travelled <= slack && now_ns - g->down_ns <= LONGEST_TAP_NS;
-    g->count--;
-    for (; i < g->count; i++)
-        g->fingers[i] = g->fingers[i + 1];
+    gesture->tapped |= gesture->count == 1 && !gesture->several && gesture->travelled <= slack &&
+                       now_ns - gesture->down_ns <= LONGEST_TAP_NS;
+    gesture->count--;
+    for (; i < gesture->count; i++)
+        gesture->fingers[i] = gesture->fingers[i + 1];
 }
 
-struct gesture gesture_take(struct gesture *g)
+struct gesture gesture_take(struct gesture *gesture)
 {
-    struct gesture taken = *g;
+    struct gesture taken = *gesture;
     if (taken.spread == 0)
         taken.spread = 1;
-    g->drag_x = g->drag_y = g->push_x = g->push_y = g->twist = 0;
-    g->spread = 1;
-    g->tapped = false;
+    gesture->drag_x = gesture->drag_y = gesture->push_x = gesture->push_y = gesture->twist = 0;
+    gesture->spread = 1;
+    gesture->tapped = false;
     return taken;
 }
 
@@ -122,13 +124,13 @@ void orbit_look(struct orbit *orbit, enum orbit_view view, double facing_rad, co
     }
 }
 
-struct pose orbit_world_from_camera(const struct orbit *o)
+struct pose orbit_world_from_camera(const struct orbit *orbit)
 {
-    struct vec3 back =
-        v3(cos(o->rise_rad) * sin(o->angle_rad), -cos(o->rise_rad) * cos(o->angle_rad), sin(o->rise_rad));
+    struct vec3 back = v3(cos(orbit->rise_rad) * sin(orbit->angle_rad), -cos(orbit->rise_rad) * cos(orbit->angle_rad),
+                          sin(orbit->rise_rad));
     struct vec3 z = v3_scale(back, -1);                // forward
     struct vec3 x = v3_unit(v3_cross(z, v3(0, 0, 1))); // right; the elevation stays below a right angle
     struct vec3 y = v3_cross(z, x);                    // down
     double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
-    return (struct pose){quat_from_matrix(m), v3_add(o->centre, v3_scale(back, o->distance_m))};
+    return (struct pose){quat_from_matrix(m), v3_add(orbit->centre, v3_scale(back, orbit->distance_m))};
 }

@@ -1,7 +1,7 @@
 // A virtual camera on a sphere about a point: the viewpoint moved by fingers, without a camera. Pure.
 #pragma once
-#include "base/status.h"
 #include "base/lens.h"
+#include "base/status.h"
 
 // ---------------------------------------------------------------- gesture
 
@@ -28,12 +28,12 @@ struct gesture {
 };
 
 // A tap travels no farther than `slack` and takes no longer than a third of a second.
-void gesture_down(struct gesture *g, int64_t id, double x, double y, int64_t now_ns);
-void gesture_move(struct gesture *g, int64_t id, double x, double y);
-void gesture_up(struct gesture *g, int64_t id, double slack, int64_t now_ns);
+void gesture_down(struct gesture *gesture, int64_t id, double x, double y, int64_t now_ns);
+void gesture_move(struct gesture *gesture, int64_t id, double x, double y);
+void gesture_up(struct gesture *gesture, int64_t id, double slack, int64_t now_ns);
 
 // Returns what has accumulated, and resets it.
-struct gesture gesture_take(struct gesture *g);
+struct gesture gesture_take(struct gesture *gesture);
 
 // ---------------------------------------------------------------- orbit
 

@@ -28,10 +28,11 @@ struct playback_now {
 };
 
 // The instants to load for, the nearest first. Returns how many; 0: paused, or predictions keep failing.
-int playback_predict(struct playback_predictor *p, const struct playback_now *now, int64_t at_ns[PREDICTED_MAX]);
+int playback_predict(struct playback_predictor *predictor, const struct playback_now *now,
+                     int64_t at_ns[PREDICTED_MAX]);
 
 // Reports whether the data of a drawn frame was ready.
-void playback_predictor_report(struct playback_predictor *p, bool ready);
+void playback_predictor_report(struct playback_predictor *predictor, bool ready);
 
 // ---------------------------------------------------------------- playback clock
 
@@ -51,17 +52,17 @@ struct playback_clock playback_start(int64_t length_ns, int64_t frames);
 
 // The take's instant at `clock_ns`, which may lie a little before that of the last call: a camera image is that old
 // when it is drawn.
-int64_t playback_at(const struct playback_clock *p, int64_t clock_ns);
+int64_t playback_at(const struct playback_clock *clock, int64_t clock_ns);
 
 // Stops at the end if it does not loop. True: it stopped just now.
-bool playback_tick(struct playback_clock *p, int64_t clock_ns);
+bool playback_tick(struct playback_clock *clock, int64_t clock_ns);
 
-void playback_play(struct playback_clock *p, int64_t clock_ns, bool playing); // from the end it starts again
-void playback_seek(struct playback_clock *p, int64_t clock_ns, int64_t at_ns);
+void playback_play(struct playback_clock *clock, int64_t clock_ns, bool playing); // from the end it starts again
+void playback_seek(struct playback_clock *clock, int64_t clock_ns, int64_t at_ns);
 // Pauses, then moves by that many frames.
-void playback_step(struct playback_clock *p, int64_t clock_ns, int frames);
-void playback_set_speed(struct playback_clock *p, int64_t clock_ns, double speed);
-void playback_set_loop(struct playback_clock *p, int64_t clock_ns, bool loop);
+void playback_step(struct playback_clock *clock, int64_t clock_ns, int frames);
+void playback_set_speed(struct playback_clock *clock, int64_t clock_ns, double speed);
+void playback_set_loop(struct playback_clock *clock, int64_t clock_ns, bool loop);
 
 // The app was suspended between the two times: continue with the instant of clock_from_ns.
-void playback_skip(struct playback_clock *p, int64_t clock_from_ns, int64_t clock_to_ns);
+void playback_skip(struct playback_clock *clock, int64_t clock_from_ns, int64_t clock_to_ns);

@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct settings settings_of(const struct view_state *s)
+struct settings settings_of(const struct view_state *state)
 {
-    return (struct settings){s->dark,       s->skeleton,      s->inset,     s->room.filmed,
-                             s->room.names, s->playback.loop, s->text_size, s->playback.speed};
+    return (struct settings){state->dark,       state->skeleton,      state->inset,     state->room.filmed,
+                             state->room.names, state->playback.loop, state->text_size, state->playback.speed};
 }
 
 bool settings_equal(const struct settings *a, const struct settings *b)
@@ -17,17 +17,17 @@ bool settings_equal(const struct settings *a, const struct settings *b)
            a->names == b->names && a->loop == b->loop && a->text_size == b->text_size && a->speed == b->speed;
 }
 
-void settings_apply(const struct settings *settings, struct view_state *s, int64_t now_ns)
+void settings_apply(const struct settings *settings, struct view_state *state, int64_t now_ns)
 {
-    s->dark = settings->dark;
-    s->skeleton = settings->skeleton;
-    s->inset = settings->inset;
-    s->room.filmed = settings->filmed;
-    s->room.names = settings->names;
-    s->text_size = settings->text_size;
-    playback_set_loop(&s->playback, now_ns, settings->loop);
-    playback_set_speed(&s->playback, now_ns, settings->speed);
-    s->changed = true;
+    state->dark = settings->dark;
+    state->skeleton = settings->skeleton;
+    state->inset = settings->inset;
+    state->room.filmed = settings->filmed;
+    state->room.names = settings->names;
+    state->text_size = settings->text_size;
+    playback_set_loop(&state->playback, now_ns, settings->loop);
+    playback_set_speed(&state->playback, now_ns, settings->speed);
+    state->changed = true;
 }
 
 int settings_write(const struct settings *settings, char out[SETTINGS_BYTES])

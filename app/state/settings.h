@@ -10,9 +10,9 @@ struct settings {
     double text_size, speed;
 };
 
-struct settings settings_of(const struct view_state *s);
+struct settings settings_of(const struct view_state *state);
 bool settings_equal(const struct settings *a, const struct settings *b);
-void settings_apply(const struct settings *settings, struct view_state *s, int64_t now_ns);
+void settings_apply(const struct settings *settings, struct view_state *state, int64_t now_ns);
 
 // The text of the file; returns its length.
 int settings_write(const struct settings *settings, char out[SETTINGS_BYTES]);

@@ -4,8 +4,8 @@
 // Buttons, keys and the game pad call view_state_do; fingers on the image view_state_gesture; the camera
 // view_state_on_camera. The drawing code reads the fields.
 #pragma once
-#include "app/state/orbit.h"
 #include "app/state/live_state.h"
+#include "app/state/orbit.h"
 #include "app/state/playback_clock.h"
 
 // ---------------------------------------------------------------- room state
@@ -33,10 +33,10 @@ struct room_state {
 struct room_state room_state_start(void);
 
 // Text for the filter, which does not begin with a blank. False: there is nothing new.
-bool room_state_type(struct room_state *s, const char *text);
+bool room_state_type(struct room_state *state, const char *text);
 
 // An arrow leads to that thing; to none if it does already.
-void room_state_want(struct room_state *s, int thing);
+void room_state_want(struct room_state *state, int thing);
 
 // How visible a label is, 0 to 1: it fades with the distance (metres) and with the standard deviation of where the
 // thing stands; a thing that was not found where it stood is fainter still.
@@ -199,14 +199,14 @@ extern const double view_text_sizes[VIEW_TEXT_SIZES];
 struct view_state view_state_start(int take_count, bool dark, int64_t now_ns);
 
 // A take was opened: its length, and the orbit to start with.
-void view_state_open_take(struct view_state *s, int64_t length_ns, int64_t frames, const struct orbit *orbit,
+void view_state_open_take(struct view_state *state, int64_t length_ns, int64_t frames, const struct orbit *orbit,
                           int64_t now_ns);
-void view_state_fail(struct view_state *s, const char *sentence); // to PAGE_TROUBLE; the sentence is borrowed
+void view_state_fail(struct view_state *state, const char *sentence); // to PAGE_TROUBLE; the sentence is borrowed
 
-void view_state_do(struct view_state *s, enum view_action action, int64_t now_ns);
+void view_state_do(struct view_state *state, enum view_action action, int64_t now_ns);
 
 // Whether text is typed: a thing is looked for by its name.
-bool view_state_types(const struct view_state *s);
+bool view_state_types(const struct view_state *state);
 
 // What an action means on PAGE_LIVE. False: nothing there.
 bool live_action_of(enum view_action action, enum live_phase phase, enum live_action *out);
@@ -216,47 +216,48 @@ bool live_action_of(enum view_action action, enum live_phase phase, enum live_ac
 struct floor_drag {
     double from_x, from_y, to_x, to_y;
 };
-void view_state_gesture(struct view_state *s, const struct gesture *g, const struct floor_drag *at, int64_t now_ns);
-void view_state_wheel(struct view_state *s, double notches, int64_t now_ns);
+void view_state_gesture(struct view_state *state, const struct gesture *gesture, const struct floor_drag *at,
+                        int64_t now_ns);
+void view_state_wheel(struct view_state *state, double notches, int64_t now_ns);
 
 // Fingers on the map, as above; notches of the wheel over it.
-void view_state_map_gesture(struct view_state *s, const struct gesture *g, double notches, int64_t now_ns);
+void view_state_map_gesture(struct view_state *state, const struct gesture *gesture, double notches, int64_t now_ns);
 
 // What is known of a thing is shown, or no more.
-void view_state_open_card(struct view_state *s, int thing, int64_t now_ns);
+void view_state_open_card(struct view_state *state, int thing, int64_t now_ns);
 // An arrow leads to it; the sheet closes.
-void view_state_find_thing(struct view_state *s, int thing, int64_t now_ns);
+void view_state_find_thing(struct view_state *state, int thing, int64_t now_ns);
 
 // The timeline is held at that share of its length, or (held false) released.
-void view_state_scrub(struct view_state *s, bool held, double share, int64_t now_ns);
-void view_state_set_speed(struct view_state *s, double speed, int64_t now_ns);
-void view_state_set_text_size(struct view_state *s, double size, int64_t now_ns);
-void view_state_set_error(struct view_state *s, double error_px);
-void view_state_set_yaw(struct view_state *s, double yaw_rad);
-void view_state_choose_take(struct view_state *s, int take);
+void view_state_scrub(struct view_state *state, bool held, double share, int64_t now_ns);
+void view_state_set_speed(struct view_state *state, double speed, int64_t now_ns);
+void view_state_set_text_size(struct view_state *state, double size, int64_t now_ns);
+void view_state_set_error(struct view_state *state, double error_px);
+void view_state_set_yaw(struct view_state *state, double yaw_rad);
+void view_state_choose_take(struct view_state *state, int take);
 
-void view_state_on_camera(struct view_state *s, const struct view_camera *camera, int64_t now_ns);
-void view_state_set_problem(struct view_state *s, const char *sentence); // NULL: resolved
-void view_state_set_facing(struct view_state *s, double facing_rad);
-void view_state_set_progress(struct view_state *s, double share);   // of building the avatar, 0..1
-void view_state_set_avatar_shown(struct view_state *s, bool shown); // the frame drawn last shows the avatar
-void view_state_notify(struct view_state *s, const char *notice, int64_t now_ns);
+void view_state_on_camera(struct view_state *state, const struct view_camera *camera, int64_t now_ns);
+void view_state_set_problem(struct view_state *state, const char *sentence); // NULL: resolved
+void view_state_set_facing(struct view_state *state, double facing_rad);
+void view_state_set_progress(struct view_state *state, double share);   // of building the avatar, 0..1
+void view_state_set_avatar_shown(struct view_state *state, bool shown); // the frame drawn last shows the avatar
+void view_state_notify(struct view_state *state, const char *notice, int64_t now_ns);
 // The same for what went wrong; stays longer.
-void view_state_warn(struct view_state *s, const char *notice, int64_t now_ns);
-void view_state_on_input(struct view_state *s, int64_t now_ns); // any input: shows the controls
+void view_state_warn(struct view_state *state, const char *notice, int64_t now_ns);
+void view_state_on_input(struct view_state *state, int64_t now_ns); // any input: shows the controls
 
 // Advances to now_ns. Returns until when nothing changes by itself: INT64_MAX, or now_ns while something moves.
-int64_t view_state_tick(struct view_state *s, int64_t now_ns);
+int64_t view_state_tick(struct view_state *state, int64_t now_ns);
 
 // The app was suspended between the two times.
-void view_state_resume(struct view_state *s, int64_t from_ns, int64_t to_ns);
+void view_state_resume(struct view_state *state, int64_t from_ns, int64_t to_ns);
 
 // One sentence on what is wrong or what to do; NULL: nothing. Borrowed until the next call.
-const char *view_state_hint(const struct view_state *s);
-bool view_state_hint_warns(const struct view_state *s); // it says that something is wrong
+const char *view_state_hint(const struct view_state *state);
+bool view_state_hint_warns(const struct view_state *state); // it says that something is wrong
 
 // Whether the controls are shown: they hide while the take plays and there is no input.
-bool view_state_controls_shown(const struct view_state *s);
+bool view_state_controls_shown(const struct view_state *state);
 
 // Maps points of the take's world to where they are shown, without the mirroring. pivot: the rotation's centre.
-struct pose placement_pose(const struct placement *p, struct vec3 pivot);
+struct pose placement_pose(const struct placement *placement, struct vec3 pivot);

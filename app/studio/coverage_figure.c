@@ -35,38 +35,39 @@ static uint32_t mixed(uint32_t a, uint32_t b, double share)
     return out;
 }
 
-static void draw_one(const struct brush *b, const struct coverage *c, enum coverage_side side, struct ui_box box)
+static void draw_one(const struct brush *brush, const struct coverage *coverage, enum coverage_side side,
+                     struct ui_box box)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     const double unit = fmin(box.w, box.h / 2);
     const struct ui_point at = {box.x + (box.w - unit) / 2, box.y + (box.h - 2 * unit) / 2};
     // From the back left and right change places; from a side the limbs stand one before the other.
     const double narrow = side == COVERAGE_LEFT || side == COVERAGE_RIGHT ? 0.35 : 1,
                  mirror = side == COVERAGE_BACK ? -1 : 1;
     for (int p = 0; p < SURFACE_PARTS; p++) {
-        const double share = coverage_part_share(c, p, side);
+        const double share = coverage_part_share(coverage, p, side);
         const struct ui_point ends[2] = {
             {at.x + unit * (0.5 + mirror * narrow * (limbs[p].x0 - 0.5)), at.y + unit * limbs[p].y0},
             {at.x + unit * (0.5 + mirror * narrow * (limbs[p].x1 - 0.5)), at.y + unit * limbs[p].y1}};
-        ui_stroke(b->ui, ends, 2, false, unit * limbs[p].thick,
+        ui_stroke(brush->ui, ends, 2, false, unit * limbs[p].thick,
                   mixed(mixed(t->raised, t->text, 0.18), t->accent, share));
     }
 }
 
-void coverage_figure_draw(const struct brush *b, const struct coverage *c, struct ui_box box)
+void coverage_figure_draw(const struct brush *brush, const struct coverage *coverage, struct ui_box box)
 {
     static const char *const names[] = {"front", "left", "back", "right"};
     const double w = box.w / 4;
     for (int side = 0; side < 4; side++) {
         const struct ui_box one = {box.x + side * w, box.y, w, box.h - 24};
-        draw_one(b, c, (enum coverage_side)side, inner(one, 2));
+        draw_one(brush, coverage, (enum coverage_side)side, inner(one, 2));
         const double foot = one.y + one.h / 2 + fmin(one.w - 4, (one.h - 4) / 2); // of the figure, in the box's middle
-        label_centred(b, FACE_SMALL, (struct ui_box){one.x, fmin(foot, one.y + one.h), w, 24}, b->theme->quiet,
+        label_centred(brush, FACE_SMALL, (struct ui_box){one.x, fmin(foot, one.y + one.h), w, 24}, brush->theme->quiet,
                       names[side]);
     }
 }
 
-static void draw_arc(const struct brush *b, struct ui_point centre, double radius, double share, uint32_t color)
+static void draw_arc(const struct brush *brush, struct ui_point centre, double radius, double share, uint32_t color)
 {
     enum { POINTS = 64 };
     struct ui_point points[POINTS + 1];
@@ -75,11 +76,11 @@ static void draw_arc(const struct brush *b, struct ui_point centre, double radiu
         const double a = 2 * PI * share * i / count - PI / 2;
         points[i] = (struct ui_point){centre.x + radius * cos(a), centre.y + radius * sin(a)};
     }
-    ui_stroke(b->ui, points, count + 1, false, 10, color);
+    ui_stroke(brush->ui, points, count + 1, false, 10, color);
 }
 
 // A turn as the person sees it in the mirror of the screen: to the own left is to the left.
-static void draw_turn(const struct brush *b, struct ui_point centre, double radius, bool left)
+static void draw_turn(const struct brush *brush, struct ui_point centre, double radius, bool left)
 {
     const double way = left ? -1 : 1;
     struct ui_point points[13];
@@ -88,23 +89,23 @@ static void draw_turn(const struct brush *b, struct ui_point centre, double radi
         points[i] = (struct ui_point){centre.x + radius * cos(a), centre.y + radius * sin(a)};
     }
     const struct ui_point tip = points[12];
-    ui_stroke(b->ui, points, 13, false, 5, b->theme->accent);
+    ui_stroke(brush->ui, points, 13, false, 5, brush->theme->accent);
     const struct ui_point head[3] = {
         {tip.x - way * 2, tip.y - 16}, {tip.x + way * 4, tip.y + 4}, {tip.x - way * 17, tip.y + 1}};
-    ui_stroke(b->ui, head, 3, false, 5, b->theme->accent);
+    ui_stroke(brush->ui, head, 3, false, 5, brush->theme->accent);
 }
 
-void coverage_dial_draw(const struct brush *b, double share, enum pose_advice advice, struct ui_box box)
+void coverage_dial_draw(const struct brush *brush, double share, enum pose_advice advice, struct ui_box box)
 {
     char text[16];
     const double radius = fmin(box.w, box.h) / 2 - 22;
     const struct ui_point centre = middle(box);
-    ui_ring(b->ui, centre, radius, 10, faint(b->theme->text, 0.14));
+    ui_ring(brush->ui, centre, radius, 10, faint(brush->theme->text, 0.14));
     if (share > 0)
-        draw_arc(b, centre, radius, fmin(share, 1), b->theme->accent);
+        draw_arc(brush, centre, radius, fmin(share, 1), brush->theme->accent);
     snprintf(text, sizeof text, "%.0f %%", share * 100);
-    label_centred(b, FACE_HEAD, (struct ui_box){centre.x - radius, centre.y - 16, 2 * radius, 32}, b->theme->text,
-                  text);
+    label_centred(brush, FACE_HEAD, (struct ui_box){centre.x - radius, centre.y - 16, 2 * radius, 32},
+                  brush->theme->text, text);
     if (advice == ADVICE_TURN_LEFT || advice == ADVICE_TURN_RIGHT)
-        draw_turn(b, centre, radius + 17, advice == ADVICE_TURN_LEFT);
+        draw_turn(brush, centre, radius + 17, advice == ADVICE_TURN_LEFT);
 }

@@ -14,16 +14,16 @@ static void mix(uint8_t *rgb, uint32_t color, double share)
         rgb[k] = (uint8_t)lround(rgb[k] + ((color >> (24 - 8 * k) & 255) - (double)rgb[k]) * share);
 }
 
-static void cell_color(const struct sweep_cell *cell, const struct theme *t, uint8_t rgb[3])
+static void cell_color(const struct sweep_cell *cell, const struct theme *theme, uint8_t rgb[3])
 {
     for (int k = 0; k < 3; k++)
-        rgb[k] = (uint8_t)(t->surface >> (24 - 8 * k));
+        rgb[k] = (uint8_t)(theme->surface >> (24 - 8 * k));
     if (cell->floor)
-        mix(rgb, t->text, 0.05 + 0.1 * fmin(cell->floor / 12.0, 1));
+        mix(rgb, theme->text, 0.05 + 0.1 * fmin(cell->floor / 12.0, 1));
     if (cell->solid)
-        mix(rgb, t->text, 0.2 + 0.45 * fmin(cell->solid / 12.0, 1));
+        mix(rgb, theme->text, 0.2 + 0.45 * fmin(cell->solid / 12.0, 1));
     if (cell->points)
-        mix(rgb, t->accent, 0.35 + 0.6 * fmin(cell->points / 10.0, 1));
+        mix(rgb, theme->accent, 0.35 + 0.6 * fmin(cell->points / 10.0, 1));
 }
 
 void room_plan_colors(const struct sweep_plan *plan, const struct theme *theme, uint8_t *out)
@@ -74,121 +74,122 @@ struct plan_frame {
     struct ui_box at, part;
 };
 
-static struct ui_point on_screen(const struct plan_frame *f, double x, double y)
+static struct ui_point on_screen(const struct plan_frame *frame, double x, double y)
 {
-    const double whole = SWEEP_CELLS * SWEEP_CELL_M, u = (x - f->plan->middle_x) / whole + 0.5,
-                 v = 0.5 - (y - f->plan->middle_y) / whole;
-    return (struct ui_point){f->at.x + f->at.w * (u - f->part.x) / f->part.w,
-                             f->at.y + f->at.h * (v - f->part.y) / f->part.h};
+    const double whole = SWEEP_CELLS * SWEEP_CELL_M, u = (x - frame->plan->middle_x) / whole + 0.5,
+                 v = 0.5 - (y - frame->plan->middle_y) / whole;
+    return (struct ui_point){frame->at.x + frame->at.w * (u - frame->part.x) / frame->part.w,
+                             frame->at.y + frame->at.h * (v - frame->part.y) / frame->part.h};
 }
 
-static void draw_tags(const struct brush *b, const struct plan_frame *f)
+static void draw_tags(const struct brush *brush, const struct plan_frame *frame)
 {
     char text[16];
-    for (int i = 0; i < f->plan->tag_count; i++) {
-        const struct sweep_tag *tag = &f->plan->tag[i];
+    for (int i = 0; i < frame->plan->tag_count; i++) {
+        const struct sweep_tag *tag = &frame->plan->tag[i];
         if (!tag->placed)
             continue;
-        const struct ui_point m = on_screen(f, tag->x, tag->y);
+        const struct ui_point m = on_screen(frame, tag->x, tag->y);
         const struct ui_box box = {m.x - 15, m.y - 12, 30, 24};
-        ui_fill(b->ui, box, 6, tag->seen ? b->theme->accent : b->theme->warn);
+        ui_fill(brush->ui, box, 6, tag->seen ? brush->theme->accent : brush->theme->warn);
         snprintf(text, sizeof text, "%d", (int)tag->id);
-        label_centred(b, FACE_SMALL, box, b->theme->on_accent, text);
+        label_centred(brush, FACE_SMALL, box, brush->theme->on_accent, text);
     }
 }
 
 // Where nothing can be recognised: a ring with a stroke through it, which is no matter of colour alone.
-static void draw_bare(const struct brush *b, const struct plan_frame *f)
+static void draw_bare(const struct brush *brush, const struct plan_frame *frame)
 {
-    const double radius = f->at.w / (f->part.w * SWEEP_CELLS * SWEEP_CELL_M) * 0.5;
-    for (int i = 0; i < f->plan->bare_count; i++) {
-        const struct ui_point m = on_screen(f, f->plan->bare[i].x, f->plan->bare[i].y);
+    const double radius = frame->at.w / (frame->part.w * SWEEP_CELLS * SWEEP_CELL_M) * 0.5;
+    for (int i = 0; i < frame->plan->bare_count; i++) {
+        const struct ui_point m = on_screen(frame, frame->plan->bare[i].x, frame->plan->bare[i].y);
         const double d = radius * 0.7;
-        ui_ring(b->ui, m, radius, 4, b->theme->warn);
-        ui_line(b->ui, (struct ui_point){m.x - d, m.y + d}, (struct ui_point){m.x + d, m.y - d}, 3, b->theme->warn);
+        ui_ring(brush->ui, m, radius, 4, brush->theme->warn);
+        ui_line(brush->ui, (struct ui_point){m.x - d, m.y + d}, (struct ui_point){m.x + d, m.y - d}, 3,
+                brush->theme->warn);
     }
 }
 
-static void draw_sensor(const struct brush *b, const struct plan_frame *f)
+static void draw_sensor(const struct brush *brush, const struct plan_frame *frame)
 {
-    const struct sweep_plan *p = f->plan;
+    const struct sweep_plan *p = frame->plan;
     struct ui_point points[SWEEP_TRAIL];
     for (int i = 0; i < p->trail_count; i++)
-        points[i] = on_screen(f, (double)p->trail[i][0], (double)p->trail[i][1]);
+        points[i] = on_screen(frame, (double)p->trail[i][0], (double)p->trail[i][1]);
     if (p->trail_count > 1)
-        ui_stroke(b->ui, points, p->trail_count, false, 3, b->theme->text);
+        ui_stroke(brush->ui, points, p->trail_count, false, 3, brush->theme->text);
     if (!p->trail_count)
         return;
-    const struct ui_point m = on_screen(f, p->x, p->y);
+    const struct ui_point m = on_screen(frame, p->x, p->y);
     const double c = cos(p->heading_rad), s = -sin(p->heading_rad); // the screen's y points down
-    const uint32_t color = p->located ? b->theme->text : b->theme->warn;
+    const uint32_t color = p->located ? brush->theme->text : brush->theme->warn;
     if (p->located) {
         const struct ui_point view[3] = {m,
                                          {m.x + 60 * (c - 0.5 * s), m.y + 60 * (s + 0.5 * c)},
                                          {m.x + 60 * (c + 0.5 * s), m.y + 60 * (s - 0.5 * c)}};
-        ui_polygon(b->ui, view, 3, faint(b->theme->text, 0.25));
+        ui_polygon(brush->ui, view, 3, faint(brush->theme->text, 0.25));
     }
-    ui_disc(b->ui, m, 11, b->theme->surface);
-    ui_disc(b->ui, m, 8, color);
+    ui_disc(brush->ui, m, 11, brush->theme->surface);
+    ui_disc(brush->ui, m, 8, color);
 }
 
-static void draw_plan(const struct brush *b, const struct studio_view *v, struct ui_box box)
+static void draw_plan(const struct brush *brush, const struct studio_view *view, struct ui_box box)
 {
-    panel(b, box, false);
+    panel(brush, box, false);
     struct ui_box in = inner(box, 10), foot = cut_bottom(&in, 26);
     const double side = fmin(in.w, in.h);
     const struct plan_frame f = {
-        &v->shown->room.plan, {in.x + (in.w - side) / 2, in.y + (in.h - side) / 2, side, side}, v->plan_part};
-    if (v->plan)
-        ui_image(b->ui, v->plan, f.at,
+        &view->shown->room.plan, {in.x + (in.w - side) / 2, in.y + (in.h - side) / 2, side, side}, view->plan_part};
+    if (view->plan)
+        ui_image(brush->ui, view->plan, f.at,
                  (struct ui_uv_rect){f.part.x, f.part.y, f.part.x + f.part.w, f.part.y + f.part.h}, 10, 0xffffffff);
-    ui_clip(b->ui, f.at);
-    draw_bare(b, &f);
-    draw_sensor(b, &f);
-    draw_tags(b, &f);
-    ui_unclip(b->ui);
+    ui_clip(brush->ui, f.at);
+    draw_bare(brush, &f);
+    draw_sensor(brush, &f);
+    draw_tags(brush, &f);
+    ui_unclip(brush->ui);
     // The legend: a metre, and what the colours mean.
     const double metre = side / (f.part.w * SWEEP_CELLS * SWEEP_CELL_M);
-    ui_line(b->ui, (struct ui_point){foot.x + 4, foot.y + 14}, (struct ui_point){foot.x + 4 + metre, foot.y + 14}, 3,
-            b->theme->text);
-    label(b, FACE_SMALL, (struct ui_box){foot.x + metre + 12, foot.y, 46, 26}, b->theme->quiet, "1 m");
-    ui_disc(b->ui, (struct ui_point){foot.x + metre + 74, foot.y + 14}, 6, b->theme->accent);
-    label(b, FACE_SMALL, (struct ui_box){foot.x + metre + 86, foot.y, foot.w - metre - 86, 26}, b->theme->quiet,
+    ui_line(brush->ui, (struct ui_point){foot.x + 4, foot.y + 14}, (struct ui_point){foot.x + 4 + metre, foot.y + 14},
+            3, brush->theme->text);
+    label(brush, FACE_SMALL, (struct ui_box){foot.x + metre + 12, foot.y, 46, 26}, brush->theme->quiet, "1 m");
+    ui_disc(brush->ui, (struct ui_point){foot.x + metre + 74, foot.y + 14}, 6, brush->theme->accent);
+    label(brush, FACE_SMALL, (struct ui_box){foot.x + metre + 86, foot.y, foot.w - metre - 86, 26}, brush->theme->quiet,
           foot.w - metre - 86 > 140 ? "can be recognised" : "known");
 }
 
 // "9 of 12 tags · missing 3, 5, 7"
-static void tags_text(const struct sweep_plan *p, char *out, size_t capacity)
+static void tags_text(const struct sweep_plan *plan, char *out, size_t capacity)
 {
     int used, missing = 0;
-    if (!p->tag_count) {
+    if (!plan->tag_count) {
         snprintf(out, capacity, "No list of tags: the room is known by what can be recognised in it");
         return;
     }
-    used = snprintf(out, capacity, "%d of %d tags", p->tags_seen, p->tag_count);
-    for (int i = 0; i < p->tag_count && used < (int)capacity - 24; i++)
-        if (!p->tag[i].seen)
+    used = snprintf(out, capacity, "%d of %d tags", plan->tags_seen, plan->tag_count);
+    for (int i = 0; i < plan->tag_count && used < (int)capacity - 24; i++)
+        if (!plan->tag[i].seen)
             used += snprintf(out + used, capacity - (size_t)used, "%s%d", missing++ ? ", " : " · missing ",
-                             (int)p->tag[i].id);
+                             (int)plan->tag[i].id);
 }
 
-static void draw_hint(const struct brush *b, const struct sweep_plan *p, struct ui_box picture)
+static void draw_hint(const struct brush *brush, const struct sweep_plan *plan, struct ui_box picture)
 {
-    const bool warns = p->hint == SWEEP_SLOWER || p->hint == SWEEP_LOST;
-    studio_hint_draw(b,
-                     warns                     ? ICON_WARNING
-                     : p->hint == SWEEP_ENOUGH ? ICON_CHECK
-                                               : ICON_TAG,
-                     warns, p->text, picture);
+    const bool warns = plan->hint == SWEEP_SLOWER || plan->hint == SWEEP_LOST;
+    studio_hint_draw(brush,
+                     warns                        ? ICON_WARNING
+                     : plan->hint == SWEEP_ENOUGH ? ICON_CHECK
+                                                  : ICON_TAG,
+                     warns, plan->text, picture);
 }
 
-static void draw_sweep(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
-                       int64_t now_ns)
+static void draw_sweep(const struct brush *brush, struct studio_state *state, const struct studio_view *view,
+                       struct ui_box in, int64_t now_ns)
 {
     char text[300];
-    const struct sweep_plan *p = &v->shown->room.plan;
+    const struct sweep_plan *p = &view->shown->room.plan;
     const bool upright = in.h > in.w;
-    const bool on = s->page == STUDIO_ROOM;
+    const bool on = state->page == STUDIO_ROOM;
     const struct control controls[] = {
         {"room-leave", "Leave", BUTTON_RAISED, STUDIO_BACK},
         {"room-done", on ? "Done" : "Computing ...", on ? BUTTON_MAIN : BUTTON_ON, STUDIO_START}};
@@ -196,38 +197,38 @@ static void draw_sweep(const struct brush *b, struct studio_state *s, const stru
         on ? "Walk slowly round the empty room, then Done" : "All pictures are put together: some seconds";
     tags_text(p, text, sizeof text);
     const double buttons_w = fmin(330, 0.5 * in.w), text_w = in.w - buttons_w - 2 * GAP;
-    const double tags_h = ui_text_height(b->ui, FACE_SMALL, text, text_w) + 6;
-    const double foot_h = fmax(tags_h + ui_text_height(b->ui, FACE_SMALL, help, text_w),
-                               controls_height(b, controls, (int)COUNT_OF(controls), buttons_w));
+    const double tags_h = ui_text_height(brush->ui, FACE_SMALL, text, text_w) + 6;
+    const double foot_h = fmax(tags_h + ui_text_height(brush->ui, FACE_SMALL, help, text_w),
+                               controls_height(brush, controls, (int)COUNT_OF(controls), buttons_w));
     struct ui_box foot = cut_bottom(&in, foot_h);
     struct ui_box plan = upright ? cut_bottom(&in, in.h * 0.56) : cut_right(&in, fmin(in.h, in.w * 0.52));
-    const bool color = studio_snapshot_sees_color(v->shown);
-    const struct calibration *c = &v->shown->calibration;
+    const bool color = studio_snapshot_sees_color(view->shown);
+    const struct calibration *c = &view->shown->calibration;
     const struct ui_box at =
-        studio_picture_draw(b, color ? v->color : v->depth, color ? &c->color : &c->depth, in, false);
+        studio_picture_draw(brush, color ? view->color : view->depth, color ? &c->color : &c->depth, in, false);
     const struct ui_box hint = {at.x, in.y, at.w, in.h};
     if (color)
-        draw_hint(b, p, hint);
+        draw_hint(brush, p, hint);
     else
-        studio_hint_draw(b, ICON_WARNING, true, coach_fault_text(FAULT_NO_COLOR), hint);
-    draw_plan(b, v, plan);
-    const int done = controls_draw(b, controls + !on, 1 + on, cut_right(&foot, buttons_w));
+        studio_hint_draw(brush, ICON_WARNING, true, coach_fault_text(FAULT_NO_COLOR), hint);
+    draw_plan(brush, view, plan);
+    const int done = controls_draw(brush, controls + !on, 1 + on, cut_right(&foot, buttons_w));
     if (done >= 0)
-        studio_do(s, (enum studio_action)done, now_ns);
-    ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){foot.x, foot.y}, text_w, b->theme->text, text);
-    ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){foot.x, foot.y + tags_h}, text_w, b->theme->quiet, help);
+        studio_do(state, (enum studio_action)done, now_ns);
+    ui_text_lines(brush->ui, FACE_SMALL, (struct ui_point){foot.x, foot.y}, text_w, brush->theme->text, text);
+    ui_text_lines(brush->ui, FACE_SMALL, (struct ui_point){foot.x, foot.y + tags_h}, text_w, brush->theme->quiet, help);
 }
 
-static void draw_lines(const struct brush *b, const struct studio_room_view *room, struct scroll *scroll,
+static void draw_lines(const struct brush *brush, const struct studio_room_view *room, struct scroll *scroll,
                        struct ui_box box)
 {
     const bool failed = *room->failure, good = !failed && !room->advice.count;
     char text[120];
-    panel(b, box, false);
+    panel(brush, box, false);
     struct ui_box in = inner(box, 20), head = cut_top(&in, 44);
-    icon_draw(b->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
-              good ? b->theme->accent : b->theme->warn);
-    label(b, FACE_HEAD, head, b->theme->text, failed ? "No map" : good ? "A good map" : "A map, with gaps");
+    icon_draw(brush->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
+              good ? brush->theme->accent : brush->theme->warn);
+    label(brush, FACE_HEAD, head, brush->theme->text, failed ? "No map" : good ? "A good map" : "A map, with gaps");
     const char *lines[MAP_ADVICE_LINES + 3];
     int count = 0;
     snprintf(text, sizeof text, "A camera finds its way before %.0f %% of what stands in the room",
@@ -243,32 +244,32 @@ static void draw_lines(const struct brush *b, const struct studio_room_view *roo
     if (!failed && room->plan.bare_count > 0)
         lines[count++] = "the places marked in the plan are bare: hang a tag there, or put something with print, and "
                          "film them again";
-    bullet_list(b, scroll, in, lines, count);
+    bullet_list(brush, scroll, in, lines, count);
 }
 
-static void draw_room_review(const struct brush *b, struct studio_state *s, const struct studio_view *v,
+static void draw_room_review(const struct brush *brush, struct studio_state *state, const struct studio_view *view,
                              struct ui_box in, int64_t now_ns)
 {
     static const struct control choices[] = {{"Keep", "Keep", BUTTON_MAIN, STUDIO_KEEP},
                                              {"Film again", "Film again", BUTTON_RAISED, STUDIO_RETAKE},
                                              {"Discard", "Discard", BUTTON_RAISED, STUDIO_DISCARD}};
-    const struct studio_room_view *room = &v->shown->room;
+    const struct studio_room_view *room = &view->shown->room;
     const bool upright = in.h > in.w;
     const int first = *room->failure ? 1 : 0, count = (int)COUNT_OF(choices) - first;
-    const struct ui_box buttons = cut_bottom(&in, controls_height(b, choices + first, count, in.w));
+    const struct ui_box buttons = cut_bottom(&in, controls_height(brush, choices + first, count, in.w));
     struct ui_box plan = upright ? cut_bottom(&in, in.h * 0.56) : cut_right(&in, fmin(in.h, in.w * 0.52));
-    draw_lines(b, room, v->scroll, in);
-    draw_plan(b, v, plan);
-    const int done = controls_draw(b, choices + first, count, buttons);
+    draw_lines(brush, room, view->scroll, in);
+    draw_plan(brush, view, plan);
+    const int done = controls_draw(brush, choices + first, count, buttons);
     if (done >= 0)
-        studio_do(s, (enum studio_action)done, now_ns);
+        studio_do(state, (enum studio_action)done, now_ns);
 }
 
-void room_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
-                      int64_t now_ns)
+void room_screen_draw(const struct brush *brush, struct studio_state *state, const struct studio_view *view,
+                      struct ui_box in, int64_t now_ns)
 {
-    if (s->page == STUDIO_ROOM_REVIEW)
-        draw_room_review(b, s, v, in, now_ns);
+    if (state->page == STUDIO_ROOM_REVIEW)
+        draw_room_review(brush, state, view, in, now_ns);
     else
-        draw_sweep(b, s, v, in, now_ns);
+        draw_sweep(brush, state, view, in, now_ns);
 }

@@ -12,5 +12,5 @@ void room_plan_colors(const struct sweep_plan *plan, const struct theme *theme, 
 struct ui_box room_plan_part(const struct sweep_plan *plan);
 
 // Pages ROOM, ROOM_FINISHING and ROOM_REVIEW.
-void room_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
-                      int64_t now_ns);
+void room_screen_draw(const struct brush *brush, struct studio_state *state, const struct studio_view *view,
+                      struct ui_box in, int64_t now_ns);

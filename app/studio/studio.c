@@ -11,55 +11,56 @@
 
 // ---------------------------------------------------------------- opening
 
-static enum status open_ui(struct studio *s)
+static enum status open_ui(struct studio *studio)
 {
     const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
-    return ui_open(&s->ui, s->gpu, &shaders, theme_faces(), FACE_COUNT);
+    return ui_open(&studio->ui, studio->gpu, &shaders, theme_faces(), FACE_COUNT);
 }
 
-static void list_devices(struct studio *s, int64_t now_ns)
+static void list_devices(struct studio *studio, int64_t now_ns)
 {
     struct source_device all[STUDIO_DEVICES];
     int count = 0;
-    s->device_count = 0;
+    studio->device_count = 0;
     if (source_devices(all, STUDIO_DEVICES, &count) != OK)
         count = 0;
     // Tablets' cameras are listed beside the sensors, and have no depth.
     for (int i = 0; i < count && i < STUDIO_DEVICES; i++)
         if (strncmp(all[i].uri, "libcamera", 9) != 0)
-            s->devices[s->device_count++] = all[i];
-    studio_set_sensors(&s->state, s->device_count, now_ns);
+            studio->devices[studio->device_count++] = all[i];
+    studio_set_sensors(&studio->state, studio->device_count, now_ns);
 }
 
 static int next_number(const char *file)
 {
     struct recording *recording = NULL;
-    int most = 0;
+    int max = 0;
     if (recording_open(&recording, file) != OK)
         return 1;
     for (int i = 0; i < recording_take_count(recording); i++) {
         const int number = studio_take_number(recording_take_name(recording, i));
-        most = number > most ? number : most;
+        max = number > max ? number : max;
     }
     recording_free(&recording);
-    return most + 1;
+    return max + 1;
 }
 
-static void read_settings(struct studio *s, int64_t now_ns)
+static void read_settings(struct studio *studio, int64_t now_ns)
 {
     const struct view_state start = view_state_start(0, true, now_ns);
     struct settings settings = settings_of(&start);
-    settings_keeper_open(&s->settings, s->options.settings, &settings, s->options.light, s->options.text_size);
-    s->state.dark = settings.dark;
-    s->state.text_size = settings.text_size;
+    settings_keeper_open(&studio->settings, studio->options.settings, &settings, studio->options.light,
+                         studio->options.text_size);
+    studio->state.dark = settings.dark;
+    studio->state.text_size = settings.text_size;
 }
 
-static void keep_settings(struct studio *s)
+static void keep_settings(struct studio *studio)
 {
-    struct settings now = s->settings.kept;
-    now.dark = s->state.dark;
-    now.text_size = s->state.text_size;
-    settings_keeper_update(&s->settings, &now);
+    struct settings now = studio->settings.kept;
+    now.dark = studio->state.dark;
+    now.text_size = studio->state.text_size;
+    settings_keeper_update(&studio->settings, &now);
 }
 
 enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_options *options)
@@ -87,149 +88,149 @@ enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_o
     return OK;
 }
 
-void studio_close(struct studio *s)
+void studio_close(struct studio *studio)
 {
-    studio_session_close(&s->session);
-    if (s->playing)
-        viewer_close(&s->viewer);
-    gpu_texture_close(&s->color);
-    gpu_texture_close(&s->depth);
-    gpu_texture_close(&s->plan);
-    ui_close(&s->ui);
-    studio_snapshot_free(&s->shown);
-    sound_close(&s->sound);
-    free(s->depth_rgb);
-    free(s->plan_rgb);
-    *s = (struct studio){0};
+    studio_session_close(&studio->session);
+    if (studio->playing)
+        viewer_close(&studio->viewer);
+    gpu_texture_close(&studio->color);
+    gpu_texture_close(&studio->depth);
+    gpu_texture_close(&studio->plan);
+    ui_close(&studio->ui);
+    studio_snapshot_free(&studio->shown);
+    sound_close(&studio->sound);
+    free(studio->depth_rgb);
+    free(studio->plan_rgb);
+    *studio = (struct studio){0};
 }
 
 // ---------------------------------------------------------------- commands
 
-static void open_sensor(struct studio *s, int64_t now_ns)
+static void open_sensor(struct studio *studio, int64_t now_ns)
 {
-    const struct studio_session_options how = {.sensor = s->devices[s->state.sensor].uri,
-                                               .file = s->options.file,
-                                               .tags = s->options.tags,
-                                               .wake = s->options.wake,
-                                               .wake_self = s->options.wake_self,
-                                               .body_points = s->options.body_points,
-                                               .purpose = (enum verdict_purpose)s->state.purpose};
-    studio_session_close(&s->session);
-    studio_snapshot_free(&s->shown);
-    s->gestures = s->takes_ready = s->rooms_ready = s->rooms_not_kept = 0;
-    if (studio_session_open(&s->session, &how) != OK)
-        studio_fail(&s->state, status_message(), now_ns);
+    const struct studio_session_options how = {.sensor = studio->devices[studio->state.sensor].uri,
+                                               .file = studio->options.file,
+                                               .tags = studio->options.tags,
+                                               .wake = studio->options.wake,
+                                               .wake_self = studio->options.wake_self,
+                                               .body_points = studio->options.body_points,
+                                               .purpose = (enum verdict_purpose)studio->state.purpose};
+    studio_session_close(&studio->session);
+    studio_snapshot_free(&studio->shown);
+    studio->gestures = studio->takes_ready = studio->rooms_ready = studio->rooms_not_kept = 0;
+    if (studio_session_open(&studio->session, &how) != OK)
+        studio_fail(&studio->state, status_message(), now_ns);
 }
 
 // The viewer has a ui of its own, and there is one in a process.
-static enum status open_playback(struct studio *s, int64_t now_ns)
+static enum status open_playback(struct studio *studio, int64_t now_ns)
 {
-    const struct viewer_options how = {.file = s->options.file,
-                                       .take = s->state.take,
+    const struct viewer_options how = {.file = studio->options.file,
+                                       .take = studio->state.take,
                                        .offer_trim = true,
-                                       .light = !s->state.dark,
-                                       .settings = s->options.settings,
-                                       .text_size = s->state.text_size,
-                                       .refresh_hz = s->options.refresh_hz,
-                                       .wake = s->options.wake,
-                                       .wake_self = s->options.wake_self};
-    ui_close(&s->ui);
-    s->playing = true;
-    s->input.shows = false; // behind it comes a new picture
-    enum status status = viewer_open(&s->viewer, s->gpu, &how);
+                                       .light = !studio->state.dark,
+                                       .settings = studio->options.settings,
+                                       .text_size = studio->state.text_size,
+                                       .refresh_hz = studio->options.refresh_hz,
+                                       .wake = studio->options.wake,
+                                       .wake_self = studio->options.wake_self};
+    ui_close(&studio->ui);
+    studio->playing = true;
+    studio->input.shows = false; // behind it comes a new picture
+    enum status status = viewer_open(&studio->viewer, studio->gpu, &how);
     if (status == OK)
         return OK;
-    studio_do(&s->state, STUDIO_BACK, now_ns);
+    studio_do(&studio->state, STUDIO_BACK, now_ns);
     return status;
 }
 
-static enum status close_playback(struct studio *s)
+static enum status close_playback(struct studio *studio)
 {
-    if (!s->playing)
+    if (!studio->playing)
         return OK;
-    if (s->viewer.state.text_size > 0) { // it could be opened; what was chosen there is in the file
-        s->settings = s->viewer.settings;
-        s->state.dark = s->viewer.state.dark;
-        s->state.text_size = s->viewer.state.text_size;
+    if (studio->viewer.state.text_size > 0) { // it could be opened; what was chosen there is in the file
+        studio->settings = studio->viewer.settings;
+        studio->state.dark = studio->viewer.state.dark;
+        studio->state.text_size = studio->viewer.state.text_size;
     }
-    viewer_close(&s->viewer);
-    s->playing = false;
-    return open_ui(s);
+    viewer_close(&studio->viewer);
+    studio->playing = false;
+    return open_ui(studio);
 }
 
 // Another program has the file for now: it is tried again. Who has left reads it in the terminal.
-static void erasure_failed(struct studio *s, enum status status, int64_t now_ns)
+static void erasure_failed(struct studio *studio, enum status status, int64_t now_ns)
 {
-    studio_erasure_failed(&s->state, status_message(), status == ERR_IO, now_ns);
-    if (s->state.quit)
+    studio_erasure_failed(&studio->state, status_message(), status == ERR_IO, now_ns);
+    if (studio->state.quit)
         fprintf(stderr, "reenact-capture studio: %s\n", status_message());
 }
 
-static void delete_take(struct studio *s, int64_t now_ns)
+static void delete_take(struct studio *studio, int64_t now_ns)
 {
     char text[160];
-    const char *take = s->state.erasing.take;
-    const enum status status = recording_delete_take(s->options.file, take, NULL);
+    const char *take = studio->state.erasing.take;
+    const enum status status = recording_delete_take(studio->options.file, take, NULL);
     if (status != OK) {
-        erasure_failed(s, status, now_ns);
+        erasure_failed(studio, status, now_ns);
         return;
     }
     snprintf(text, sizeof text, "%.60s was discarded", take);
-    studio_say(&s->state, text, now_ns);
+    studio_say(&studio->state, text, now_ns);
 }
 
-static void rename_take(struct studio *s, int64_t now_ns)
+static void rename_take(struct studio *studio, int64_t now_ns)
 {
-    const bool done = recording_rename_take(s->options.file, s->state.take, s->state.name) == OK;
+    const bool done = recording_rename_take(studio->options.file, studio->state.take, studio->state.name) == OK;
     if (!done)
-        studio_say(&s->state, status_message(), now_ns);
-    studio_renamed(&s->state, done, now_ns);
+        studio_say(&studio->state, status_message(), now_ns);
+    studio_renamed(&studio->state, done, now_ns);
 }
 
-static void trim_take(struct studio *s, int64_t now_ns)
+static void trim_take(struct studio *studio, int64_t now_ns)
 {
     char text[160];
-    const struct studio_erasure *e = &s->state.erasing;
-    const enum status status = recording_trim_take(s->options.file, e->take, e->from_ns, e->to_ns, NULL);
+    const struct studio_erasure *e = &studio->state.erasing;
+    const enum status status = recording_trim_take(studio->options.file, e->take, e->from_ns, e->to_ns, NULL);
     if (status != OK) {
-        erasure_failed(s, status, now_ns);
+        erasure_failed(studio, status, now_ns);
         return;
     }
     snprintf(text, sizeof text, "%.60s is %.1f s long now", e->take, (double)(e->to_ns - e->from_ns) * 1e-9);
-    studio_say(&s->state, text, now_ns);
-    if (s->session && !strcmp(e->take, s->state.take)) // whose verdict is shown
-        studio_session_judge(s->session, e->take);
+    studio_say(&studio->state, text, now_ns);
+    if (studio->session && !strcmp(e->take, studio->state.take)) // whose verdict is shown
+        studio_session_judge(studio->session, e->take);
 }
 
-static enum status run_command(struct studio *s, enum studio_command command, int64_t now_ns)
+static enum status run_command(struct studio *studio, enum studio_command command, int64_t now_ns)
 {
     switch (command) {
-    case STUDIO_OPEN_SENSOR: open_sensor(s, now_ns); break;
+    case STUDIO_OPEN_SENSOR: open_sensor(studio, now_ns); break;
     case STUDIO_LIST_SENSORS:
-        studio_session_close(&s->session);
-        list_devices(s, now_ns);
+        studio_session_close(&studio->session);
+        list_devices(studio, now_ns);
         break;
-    case STUDIO_BEGIN_TAKE: studio_session_begin(s->session, s->state.take); break;
-    case STUDIO_END_TAKE: studio_session_end(s->session); break;
-    case STUDIO_DELETE_TAKE: delete_take(s, now_ns); break;
-    case STUDIO_RENAME_TAKE: rename_take(s, now_ns); break;
-    case STUDIO_TRIM_TAKE: trim_take(s, now_ns); break;
+    case STUDIO_BEGIN_TAKE: studio_session_begin(studio->session, studio->state.take); break;
+    case STUDIO_END_TAKE: studio_session_end(studio->session); break;
+    case STUDIO_DELETE_TAKE: delete_take(studio, now_ns); break;
+    case STUDIO_RENAME_TAKE: rename_take(studio, now_ns); break;
+    case STUDIO_TRIM_TAKE: trim_take(studio, now_ns); break;
     case STUDIO_CHOOSE_PURPOSE:
-        if (s->session)
-            studio_session_choose(s->session, (enum verdict_purpose)s->state.purpose);
+        if (studio->session)
+            studio_session_choose(studio->session, (enum verdict_purpose)studio->state.purpose);
         break;
-    case STUDIO_PAUSE_TAKE: studio_session_pause(s->session, true); break;
-    case STUDIO_RESUME_TAKE: studio_session_pause(s->session, false); break;
-    case STUDIO_BEGIN_SWEEP: studio_session_sweep(s->session); break;
-    case STUDIO_END_SWEEP: studio_session_end_sweep(s->session, false); break;
-    case STUDIO_DROP_SWEEP: studio_session_end_sweep(s->session, true); break;
-    case STUDIO_KEEP_ROOM: studio_session_keep_room(s->session, true); break;
-    case STUDIO_DROP_ROOM: studio_session_keep_room(s->session, false); break;
-    case STUDIO_OPEN_PLAYBACK: return open_playback(s, now_ns);
-    case STUDIO_CLOSE_PLAYBACK: return close_playback(s);
-    case STUDIO_TONE: sound_tone(s->sound, 660, 0.12); break;
-    case STUDIO_TONE_BEGIN: sound_tone(s->sound, 990, 0.5); break;
-    case STUDIO_TONE_END: sound_tone(s->sound, 440, 0.4); break;
+    case STUDIO_PAUSE_TAKE: studio_session_pause(studio->session, true); break;
+    case STUDIO_RESUME_TAKE: studio_session_pause(studio->session, false); break;
+    case STUDIO_BEGIN_SWEEP: studio_session_sweep(studio->session); break;
+    case STUDIO_END_SWEEP: studio_session_end_sweep(studio->session, false); break;
+    case STUDIO_DROP_SWEEP: studio_session_end_sweep(studio->session, true); break;
+    case STUDIO_KEEP_ROOM: studio_session_keep_room(studio->session, true); break;
+    case STUDIO_DROP_ROOM: studio_session_keep_room(studio->session, false); break;
+    case STUDIO_OPEN_PLAYBACK: return open_playback(studio, now_ns);
+    case STUDIO_CLOSE_PLAYBACK: return close_playback(studio);
+    case STUDIO_TONE: sound_tone(studio->sound, 660, 0.12); break;
+    case STUDIO_TONE_BEGIN: sound_tone(studio->sound, 990, 0.5); break;
+    case STUDIO_TONE_END: sound_tone(studio->sound, 440, 0.4); break;
     }
     return OK;
 }
@@ -237,56 +238,58 @@ static enum status run_command(struct studio *s, enum studio_command command, in
 // ---------------------------------------------------------------- the session's news
 
 // In a row there is no review: the verdict is said in passing.
-static void say_kept(struct studio *s, int64_t now_ns)
+static void say_kept(struct studio *studio, int64_t now_ns)
 {
     char text[160];
-    snprintf(text, sizeof text, "%.40s is kept: %.100s", s->state.take, verdict_headline(&s->shown.judgement.verdict));
-    studio_say(&s->state, text, now_ns);
+    snprintf(text, sizeof text, "%.40s is kept: %.100s", studio->state.take,
+             verdict_headline(&studio->shown.judgement.verdict));
+    studio_say(&studio->state, text, now_ns);
 }
 
-static void take_news(struct studio *s, int64_t now_ns)
+static void take_news(struct studio *studio, int64_t now_ns)
 {
-    struct studio_state *state = &s->state;
-    if (!s->session || !studio_session_read(s->session, &s->shown))
+    struct studio_state *state = &studio->state;
+    if (!studio->session || !studio_session_read(studio->session, &studio->shown))
         return;
     state->changed = true;
-    if (s->shown.number > 0)
+    if (studio->shown.number > 0)
         studio_sensor_ready(state, now_ns);
-    if (*s->shown.points.why_not && !s->no_points_told) { // once; what is tracked from depth alone is less sure
+    if (*studio->shown.points.why_not &&
+        !studio->no_points_told) { // once; what is tracked from depth alone is less sure
         char notice[200];
-        snprintf(notice, sizeof notice, "Tracked from depth alone: %.150s", s->shown.points.why_not);
+        snprintf(notice, sizeof notice, "Tracked from depth alone: %.150s", studio->shown.points.why_not);
         studio_say(state, notice, now_ns);
-        s->no_points_told = true;
+        studio->no_points_told = true;
     }
-    if (s->shown.gestures != s->gestures) {
-        s->gestures = s->shown.gestures;
+    if (studio->shown.gestures != studio->gestures) {
+        studio->gestures = studio->shown.gestures;
         if (state->page == STUDIO_LIVE || state->page == STUDIO_RECORDING)
             studio_do(state, STUDIO_START, now_ns);
     }
-    if (s->shown.doing == STUDIO_DOING_SMOOTH)
+    if (studio->shown.doing == STUDIO_DOING_SMOOTH)
         studio_take_finishing(state, now_ns);
-    if (s->shown.takes_ready != s->takes_ready) {
-        s->takes_ready = s->shown.takes_ready;
-        studio_take_ready(state, s->shown.judgement.frames, now_ns);
-        if (state->page == STUDIO_LIVE && s->shown.judgement.frames > 0)
-            say_kept(s, now_ns);
+    if (studio->shown.takes_ready != studio->takes_ready) {
+        studio->takes_ready = studio->shown.takes_ready;
+        studio_take_ready(state, studio->shown.judgement.frames, now_ns);
+        if (state->page == STUDIO_LIVE && studio->shown.judgement.frames > 0)
+            say_kept(studio, now_ns);
     }
-    if (s->shown.doing == STUDIO_DOING_MAP)
+    if (studio->shown.doing == STUDIO_DOING_MAP)
         studio_sweep_finishing(state, now_ns);
-    if (s->shown.room.ready != s->rooms_ready) {
-        s->rooms_ready = s->shown.room.ready;
+    if (studio->shown.room.ready != studio->rooms_ready) {
+        studio->rooms_ready = studio->shown.room.ready;
         studio_sweep_ready(state, now_ns);
     }
-    if (s->shown.room.not_kept != s->rooms_not_kept) {
-        s->rooms_not_kept = s->shown.room.not_kept;
-        studio_room_not_kept(state, s->shown.room.why_not_kept, now_ns);
+    if (studio->shown.room.not_kept != studio->rooms_not_kept) {
+        studio->rooms_not_kept = studio->shown.room.not_kept;
+        studio_room_not_kept(state, studio->shown.room.why_not_kept, now_ns);
     }
 }
 
 // A sensor that failed: said immediately, but for a take that is still to be kept or discarded, after that.
-static void check_sensor(struct studio *s, int64_t now_ns)
+static void check_sensor(struct studio *studio, int64_t now_ns)
 {
-    switch (s->state.page) {
+    switch (studio->state.page) {
     case STUDIO_OPENING:
     case STUDIO_LIVE:
     case STUDIO_COUNTDOWN:
@@ -294,58 +297,61 @@ static void check_sensor(struct studio *s, int64_t now_ns)
     case STUDIO_FINISHING:
     case STUDIO_ROOM:
     case STUDIO_ROOM_FINISHING:
-        if (s->session && s->shown.doing == STUDIO_DOING_FAILED)
-            studio_fail(&s->state, s->shown.failure, now_ns);
+        if (studio->session && studio->shown.doing == STUDIO_DOING_FAILED)
+            studio_fail(&studio->state, studio->shown.failure, now_ns);
         break;
     default: break;
     }
 }
 
-int64_t studio_update(struct studio *s, int64_t now_ns)
+int64_t studio_update(struct studio *studio, int64_t now_ns)
 {
     enum studio_command command;
-    take_news(s, now_ns);
-    check_sensor(s, now_ns);
-    int64_t next_ns = studio_tick(&s->state, now_ns);
-    while (studio_take_command(&s->state, &command))
-        if (run_command(s, command, now_ns) != OK)
-            studio_say(&s->state, status_message(), now_ns);
-    if (!s->playing) {
-        keep_settings(s);
+    take_news(studio, now_ns);
+    check_sensor(studio, now_ns);
+    int64_t next_ns = studio_tick(&studio->state, now_ns);
+    while (studio_take_command(&studio->state, &command))
+        if (run_command(studio, command, now_ns) != OK)
+            studio_say(&studio->state, status_message(), now_ns);
+    if (!studio->playing) {
+        keep_settings(studio);
         return next_ns;
     }
-    const int64_t viewer_ns = viewer_update(&s->viewer, now_ns);
-    if (s->viewer.state.trim.wanted) {
-        s->state.trim_from_ns = s->viewer.state.trim.from_ns;
-        s->state.trim_to_ns = s->viewer.state.trim.to_ns;
-        studio_do(&s->state, STUDIO_TRIM, now_ns);
+    const int64_t viewer_ns = viewer_update(&studio->viewer, now_ns);
+    if (studio->viewer.state.trim.wanted) {
+        studio->state.trim_from_ns = studio->viewer.state.trim.from_ns;
+        studio->state.trim_to_ns = studio->viewer.state.trim.to_ns;
+        studio_do(&studio->state, STUDIO_TRIM, now_ns);
         return now_ns;
     }
-    if (s->viewer.state.quit || s->viewer.state.page == PAGE_TAKES) {
-        studio_do(&s->state, STUDIO_BACK, now_ns);
+    if (studio->viewer.state.quit || studio->viewer.state.page == PAGE_TAKES) {
+        studio_do(&studio->state, STUDIO_BACK, now_ns);
         return now_ns;
     }
     return viewer_ns < next_ns ? viewer_ns : next_ns;
 }
 
-bool studio_changed(const struct studio *s) { return s->state.changed || (s->playing && s->viewer.state.changed); }
-
-bool studio_types(const struct studio *s)
+bool studio_changed(const struct studio *studio)
 {
-    return s->playing ? view_state_types(&s->viewer.state) : s->state.page == STUDIO_RENAME;
+    return studio->state.changed || (studio->playing && studio->viewer.state.changed);
 }
 
-bool studio_finished(const struct studio *s)
+bool studio_types(const struct studio *studio)
 {
-    return s->state.quit && s->state.page != STUDIO_RECORDING && s->state.page != STUDIO_FINISHING &&
-           s->state.waiting.kind == ERASES_NOTHING && !s->state.queued;
+    return studio->playing ? view_state_types(&studio->viewer.state) : studio->state.page == STUDIO_RENAME;
+}
+
+bool studio_finished(const struct studio *studio)
+{
+    return studio->state.quit && studio->state.page != STUDIO_RECORDING && studio->state.page != STUDIO_FINISHING &&
+           studio->state.waiting.kind == ERASES_NOTHING && !studio->state.queued;
 }
 
 // ---------------------------------------------------------------- events
 
-static bool handle_key(struct studio *s, const struct window_event *event, int64_t now_ns)
+static bool handle_key(struct studio *studio, const struct window_event *event, int64_t now_ns)
 {
-    struct studio_state *state = &s->state;
+    struct studio_state *state = &studio->state;
     if (state->page == STUDIO_RENAME && event->key != WINDOW_KEY_ESCAPE) {
         if (event->key == WINDOW_KEY_BACKSPACE)
             studio_type_back(state);
@@ -381,73 +387,73 @@ static bool handle_key(struct studio *s, const struct window_event *event, int64
     return true;
 }
 
-bool studio_event(struct studio *s, const struct window_event *event, double px_per_dp, int64_t now_ns)
+bool studio_event(struct studio *studio, const struct window_event *event, double px_per_dp, int64_t now_ns)
 {
     if (event->kind == WINDOW_QUIT) {
-        studio_do(&s->state, STUDIO_QUIT, now_ns);
+        studio_do(&studio->state, STUDIO_QUIT, now_ns);
         return true;
     }
-    if (s->playing)
-        return viewer_event(&s->viewer, event, px_per_dp, now_ns);
-    if (!input_map_is_meant(&s->input, (int)s->state.page, event)) {
-        input_map_forget(&s->input);
+    if (studio->playing)
+        return viewer_event(&studio->viewer, event, px_per_dp, now_ns);
+    if (!input_map_is_meant(&studio->input, (int)studio->state.page, event)) {
+        input_map_forget(&studio->input);
         return false;
     }
     if (event->kind == WINDOW_KEY)
-        return handle_key(s, event, now_ns);
+        return handle_key(studio, event, now_ns);
     if (event->kind == WINDOW_TEXT) {
-        studio_type(&s->state, event->text);
+        studio_type(&studio->state, event->text);
         return true;
     }
     if (event->kind == WINDOW_RESIZED || event->kind == WINDOW_SHOWN || event->kind == WINDOW_POINTER_MOVE ||
         event->kind == WINDOW_WHEEL)
-        s->state.changed = true;
-    const bool pressed = input_map_event(&s->input, &s->ignored, event, px_per_dp, now_ns);
-    s->state.changed |= pressed;
+        studio->state.changed = true;
+    const bool pressed = input_map_event(&studio->input, &studio->ignored, event, px_per_dp, now_ns);
+    studio->state.changed |= pressed;
     return pressed;
 }
 
 // ---------------------------------------------------------------- drawing
 
-static enum status write_texture(struct studio *s, struct gpu_texture **texture, const struct lens *lens,
+static enum status write_texture(struct studio *studio, struct gpu_texture **texture, const struct lens *lens,
                                  const uint8_t *rgb)
 {
     const struct gpu_texture_layout layout = {GPU_RGB8, lens->width, lens->height, GPU_LINEAR};
-    return gpu_texture_put(texture, s->gpu, &layout, rgb);
+    return gpu_texture_put(texture, studio->gpu, &layout, rgb);
 }
 
 // The sensors that are chosen one after another have pictures of different sizes.
-static enum status write_textures(struct studio *s)
+static enum status write_textures(struct studio *studio)
 {
-    const struct studio_snapshot *shown = &s->shown;
+    const struct studio_snapshot *shown = &studio->shown;
     const struct lens *depth = &shown->calibration.depth;
     enum status status = OK;
     if (shown->has_color)
-        status = write_texture(s, &s->color, &shown->calibration.color, shown->color);
+        status = write_texture(studio, &studio->color, &shown->calibration.color, shown->color);
     if (status != OK || !shown->has_depth)
         return status;
-    if (s->depth_rgb_pixels != shown->depth_pixels) {
-        free(s->depth_rgb);
-        s->depth_rgb = malloc(3 * shown->depth_pixels + 1);
-        s->depth_rgb_pixels = s->depth_rgb ? shown->depth_pixels : 0;
-        if (!s->depth_rgb)
+    if (studio->depth_rgb_pixels != shown->depth_pixels) {
+        free(studio->depth_rgb);
+        studio->depth_rgb = malloc(3 * shown->depth_pixels + 1);
+        studio->depth_rgb_pixels = studio->depth_rgb ? shown->depth_pixels : 0;
+        if (!studio->depth_rgb)
             return fail(ERR_MEMORY, "no memory for the depth picture");
     }
-    studio_depth_colors(shown->depth, depth->width, depth->height, s->depth_rgb);
-    return write_texture(s, &s->depth, depth, s->depth_rgb);
+    studio_depth_colors(shown->depth, depth->width, depth->height, studio->depth_rgb);
+    return write_texture(studio, &studio->depth, depth, studio->depth_rgb);
 }
 
-static enum status write_plan(struct studio *s)
+static enum status write_plan(struct studio *studio)
 {
-    const enum studio_page page = s->state.page;
+    const enum studio_page page = studio->state.page;
     if (page != STUDIO_ROOM && page != STUDIO_ROOM_FINISHING && page != STUDIO_ROOM_REVIEW)
         return OK;
-    if (!s->plan_rgb && !(s->plan_rgb = malloc(3 * (size_t)ROOM_PLAN_PX * ROOM_PLAN_PX)))
+    if (!studio->plan_rgb && !(studio->plan_rgb = malloc(3 * (size_t)ROOM_PLAN_PX * ROOM_PLAN_PX)))
         return fail(ERR_MEMORY, "no memory for the plan of the room");
     const struct lens size = {.width = ROOM_PLAN_PX, .height = ROOM_PLAN_PX};
-    room_plan_colors(&s->shown.room.plan, theme_of(s->state.dark), s->plan_rgb);
-    s->plan_part = room_plan_part(&s->shown.room.plan);
-    return write_texture(s, &s->plan, &size, s->plan_rgb);
+    room_plan_colors(&studio->shown.room.plan, theme_of(studio->state.dark), studio->plan_rgb);
+    studio->plan_part = room_plan_part(&studio->shown.room.plan);
+    return write_texture(studio, &studio->plan, &size, studio->plan_rgb);
 }
 
 enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns)

@@ -48,19 +48,19 @@ struct studio {
 
 // ERR_DEVICE, ERR_MEMORY: call studio_close. A sensor that does not open is shown, no error.
 MUST_CHECK enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_options *options);
-void studio_close(struct studio *s); // ends a take that is being made in good order; zeroed is fine
+void studio_close(struct studio *studio); // ends a take that is being made in good order; zeroed is fine
 
 // An event of the window. True: draw a frame before passing the next one.
-bool studio_event(struct studio *s, const struct window_event *event, double px_per_dp, int64_t now_ns);
+bool studio_event(struct studio *studio, const struct window_event *event, double px_per_dp, int64_t now_ns);
 
 // Takes the session's news, runs commands. Returns when to call it again at the latest; state.changed, or the viewer's,
 // says whether to draw.
-int64_t studio_update(struct studio *s, int64_t now_ns);
-bool studio_changed(const struct studio *s);
-bool studio_types(const struct studio *s); // whether text is typed
+int64_t studio_update(struct studio *studio, int64_t now_ns);
+bool studio_changed(const struct studio *studio);
+bool studio_types(const struct studio *studio); // whether text is typed
 
 // ERR_DEVICE: the GPU context is lost.
 MUST_CHECK enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns);
 
 // Whether the program may end: asked to, and no take is being written.
-bool studio_finished(const struct studio *s);
+bool studio_finished(const struct studio *studio);

@@ -15,4 +15,5 @@ struct studio_view {
     struct scroll *scroll;                          // of the page's list
 };
 
-void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns);
+void studio_screen_draw(const struct brush *brush, struct studio_state *state, const struct studio_view *view,
+                        int64_t now_ns);

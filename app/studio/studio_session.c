@@ -49,60 +49,63 @@ struct studio_session {
 
 // ---------------------------------------------------------------- snapshots
 
-bool studio_session_read(struct studio_session *s, struct studio_snapshot *out)
+bool studio_session_read(struct studio_session *session, struct studio_snapshot *out)
 {
-    pthread_mutex_lock(&s->player.worker.lock);
-    const bool fresh = studio_snapshot_copy(&s->shown, out);
-    pthread_mutex_unlock(&s->player.worker.lock);
+    pthread_mutex_lock(&session->player.worker.lock);
+    const bool fresh = studio_snapshot_copy(&session->shown, out);
+    pthread_mutex_unlock(&session->player.worker.lock);
     return fresh;
 }
 
-static void wake(const struct studio_session *s)
+static void wake(const struct studio_session *session)
 {
-    if (s->options.wake)
-        s->options.wake(s->options.wake_self);
+    if (session->options.wake)
+        session->options.wake(session->options.wake_self);
 }
 
-static void set_doing(struct studio_session *s, enum studio_doing doing, const char *failure)
+static void set_doing(struct studio_session *session, enum studio_doing doing, const char *failure)
 {
-    pthread_mutex_lock(&s->player.worker.lock);
-    s->shown.doing = doing;
+    pthread_mutex_lock(&session->player.worker.lock);
+    session->shown.doing = doing;
     if (failure)
-        snprintf(s->shown.failure, sizeof s->shown.failure, "%s", failure);
-    pthread_mutex_unlock(&s->player.worker.lock);
-    wake(s);
+        snprintf(session->shown.failure, sizeof session->shown.failure, "%s", failure);
+    pthread_mutex_unlock(&session->player.worker.lock);
+    wake(session);
 }
 
-static void count_frame(struct studio_session *s, const struct recorder_seen *seen, struct studio_counters *c)
+static void count_frame(struct studio_session *session, const struct recorder_seen *seen,
+                        struct studio_counters *counters)
 {
     const int64_t now_ns = clock_now_ns();
-    s->rate_frames++;
-    if (now_ns - s->rate_ns > 1000000000) {
-        s->rate_hz = (double)s->rate_frames / ((double)(now_ns - s->rate_ns) * 1e-9);
-        s->rate_ns = now_ns;
-        s->rate_frames = 0;
+    session->rate_frames++;
+    if (now_ns - session->rate_ns > 1000000000) {
+        session->rate_hz = (double)session->rate_frames / ((double)(now_ns - session->rate_ns) * 1e-9);
+        session->rate_ns = now_ns;
+        session->rate_frames = 0;
     }
-    *c = (struct studio_counters){
-        .frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = s->taking ? 0 : source_dropped(s->player.source)};
-    if (!s->taking) {
-        const double room = (double)file_room_bytes(s->file);
-        const double bytes_per_s = s->rate.frame_bytes * s->rate_hz;
-        c->mb_per_s = bytes_per_s * 1e-6;
-        c->minutes_left = bytes_per_s > 0 && room >= 0 ? room / bytes_per_s / 60 : -1;
+    *counters = (struct studio_counters){.frames_per_s = session->rate_hz,
+                                         .minutes_left = -1,
+                                         .dropped = session->taking ? 0 : source_dropped(session->player.source)};
+    if (!session->taking) {
+        const double room = (double)file_room_bytes(session->file);
+        const double bytes_per_s = session->rate.frame_bytes * session->rate_hz;
+        counters->mb_per_s = bytes_per_s * 1e-6;
+        counters->minutes_left = bytes_per_s > 0 && room >= 0 ? room / bytes_per_s / 60 : -1;
         return;
     }
-    s->take_first_ns = s->take_frames ? s->take_first_ns : seen->time_ns;
-    c->frames = ++s->take_frames;
-    c->take_s = (double)(seen->time_ns - s->take_first_ns) * 1e-9;
+    session->take_first_ns = session->take_frames ? session->take_first_ns : seen->time_ns;
+    counters->frames = ++session->take_frames;
+    counters->take_s = (double)(seen->time_ns - session->take_first_ns) * 1e-9;
 }
 
-static void start_coach(struct studio_session *s)
+static void start_coach(struct studio_session *session)
 {
-    coach_start(&s->coach, source_calibration(s->player.source), (enum verdict_purpose)atomic_load(&s->purpose));
+    coach_start(&session->coach, source_calibration(session->player.source),
+                (enum verdict_purpose)atomic_load(&session->purpose));
 }
 
 // One frame, as the preview or the recorder saw it: coach, gesture, snapshot.
-static void show(struct studio_session *s, const struct recorder_seen *seen)
+static void show(struct studio_session *session, const struct recorder_seen *seen)
 {
     const struct coach_frame frame = {.time_ns = seen->time_ns,
                                       .color = seen->color,
@@ -112,13 +115,14 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
                                       .sensor_moves = seen->sensor_moves,
                                       .depth_scale = seen->sight.depth_scale};
     struct studio_counters counters;
-    s->coach.purpose = (enum verdict_purpose)atomic_load(&s->purpose); // may be chosen while the preview runs
-    coach_next(&s->coach, &frame);
-    const bool gesture = raised_hand_next(&s->hand, seen->time_ns, seen->skeleton);
-    count_frame(s, seen, &counters);
-    pthread_mutex_lock(&s->player.worker.lock);
-    struct studio_snapshot *out = &s->shown;
-    if (!s->taking || !source_is_live(s->player.source))
+    session->coach.purpose =
+        (enum verdict_purpose)atomic_load(&session->purpose); // may be chosen while the preview runs
+    coach_next(&session->coach, &frame);
+    const bool gesture = raised_hand_next(&session->hand, seen->time_ns, seen->skeleton);
+    count_frame(session, seen, &counters);
+    pthread_mutex_lock(&session->player.worker.lock);
+    struct studio_snapshot *out = &session->shown;
+    if (!session->taking || !source_is_live(session->player.source))
         studio_snapshot_pictures(out, seen->color, seen->depth, seen->mask);
     out->number++;
     out->has_skeleton = seen->skeleton != NULL;
@@ -128,22 +132,22 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
     out->sight = seen->sight;
     const struct studio_counters before = out->counters;
     out->counters = counters;
-    if (s->taking) { // on_state's
+    if (session->taking) { // on_state's
         out->counters.dropped = before.dropped;
         out->counters.mb_per_s = before.mb_per_s;
         out->counters.minutes_left = before.minutes_left;
-        out->counters.skeleton_behind_s = fmax((double)(s->newest_ns - seen->time_ns) * 1e-9, 0);
-        out->counters.behind_s = source_is_live(s->player.source) ? 0 : out->counters.skeleton_behind_s;
+        out->counters.skeleton_behind_s = fmax((double)(session->newest_ns - seen->time_ns) * 1e-9, 0);
+        out->counters.behind_s = source_is_live(session->player.source) ? 0 : out->counters.skeleton_behind_s;
     }
     out->gestures += gesture;
-    snprintf(out->text, sizeof out->text, "%s", coach_text(&s->coach));
-    out->fault = coach_any_fault(&s->coach);
-    out->share = s->coach.share;
-    out->advice = s->coach.advice;
-    out->coverage = s->coach.coverage;
-    out->distance_m = s->coach.distance_m;
-    pthread_mutex_unlock(&s->player.worker.lock);
-    wake(s);
+    snprintf(out->text, sizeof out->text, "%s", coach_text(&session->coach));
+    out->fault = coach_any_fault(&session->coach);
+    out->share = session->coach.share;
+    out->advice = session->coach.advice;
+    out->coverage = session->coach.coverage;
+    out->distance_m = session->coach.distance_m;
+    pthread_mutex_unlock(&session->player.worker.lock);
+    wake(session);
 }
 
 static void on_state(void *context, const struct recorder_state *state)
@@ -178,16 +182,16 @@ static void on_seen(void *context, const struct recorder_seen *seen) { show(cont
 static bool is_paused(void *context) { return atomic_load(&((struct studio_session *)context)->paused); }
 
 // Pictures alone, as of a sweep and of a take that pauses.
-static void show_pictures(struct studio_session *s, const struct frame *frame, const char *text)
+static void show_pictures(struct studio_session *session, const struct frame *frame, const char *text)
 {
-    pthread_mutex_lock(&s->player.worker.lock);
-    struct studio_snapshot *out = &s->shown;
+    pthread_mutex_lock(&session->player.worker.lock);
+    struct studio_snapshot *out = &session->shown;
     studio_snapshot_pictures(out, frame->color, frame->depth, NULL);
     out->number++;
     out->has_skeleton = out->fault = false;
     snprintf(out->text, sizeof out->text, "%s", text);
-    pthread_mutex_unlock(&s->player.worker.lock);
-    wake(s);
+    pthread_mutex_unlock(&session->player.worker.lock);
+    wake(session);
 }
 
 static void on_paused(void *context, const struct frame *frame)
@@ -202,84 +206,85 @@ static void on_paused(void *context, const struct frame *frame)
 
 // As the recorder follows the person, but with body points on a thread of their own: the picture must not wait for
 // them.
-static enum status open_follower(struct studio_session *s)
+static enum status open_follower(struct studio_session *session)
 {
     struct follower_options options = follower_default_options();
-    options.place = s->has_place ? &s->place : NULL;
-    options.finds_points = s->options.body_points;
-    pthread_mutex_lock(&s->player.worker.lock);
-    s->shown.has_place = s->has_place;
-    pthread_mutex_unlock(&s->player.worker.lock);
-    return follower_open(&s->follower, source_calibration(s->player.source), &options);
+    options.place = session->has_place ? &session->place : NULL;
+    options.finds_points = session->options.body_points;
+    pthread_mutex_lock(&session->player.worker.lock);
+    session->shown.has_place = session->has_place;
+    pthread_mutex_unlock(&session->player.worker.lock);
+    return follower_open(&session->follower, source_calibration(session->player.source), &options);
 }
 
-static enum status open_sensor(struct studio_session *s)
+static enum status open_sensor(struct studio_session *session)
 {
-    enum status status = source_player_open_source(&s->player);
+    enum status status = source_player_open_source(&session->player);
     if (status != OK)
         return status;
-    const struct calibration *c = source_calibration(s->player.source);
-    pthread_mutex_lock(&s->player.worker.lock);
-    studio_snapshot_calibrate(&s->shown, c);
-    pthread_mutex_unlock(&s->player.worker.lock);
-    start_coach(s);
-    status = open_follower(s);
-    free(s->mask);
-    s->mask = calloc((size_t)c->depth.width * (size_t)c->depth.height + 1, 1);
-    return status == OK && !s->mask ? fail(ERR_MEMORY, "no memory for the preview") : status;
+    const struct calibration *c = source_calibration(session->player.source);
+    pthread_mutex_lock(&session->player.worker.lock);
+    studio_snapshot_calibrate(&session->shown, c);
+    pthread_mutex_unlock(&session->player.worker.lock);
+    start_coach(session);
+    status = open_follower(session);
+    free(session->mask);
+    session->mask = calloc((size_t)c->depth.width * (size_t)c->depth.height + 1, 1);
+    return status == OK && !session->mask ? fail(ERR_MEMORY, "no memory for the preview") : status;
 }
 
-static void close_sensor(struct studio_session *s)
+static void close_sensor(struct studio_session *session)
 {
-    follower_close(&s->follower);
-    source_player_close_source(&s->player);
+    follower_close(&session->follower);
+    source_player_close_source(&session->player);
 }
 
-static enum status preview_frame(struct studio_session *s, const struct frame *frame)
+static enum status preview_frame(struct studio_session *session, const struct frame *frame)
 {
     const struct follower_frame to_follow = {
-        .time_ns = frame->time_ns, .color = frame->color, .depth = frame->depth, .mask = s->mask};
+        .time_ns = frame->time_ns, .color = frame->color, .depth = frame->depth, .mask = session->mask};
     struct followed_frame followed;
-    studio_rate_see(&s->rate, frame, source_calibration(s->player.source), clock_now_ns());
-    enum status status = follower_next(s->follower, &to_follow, &followed);
+    studio_rate_see(&session->rate, frame, source_calibration(session->player.source), clock_now_ns());
+    enum status status = follower_next(session->follower, &to_follow, &followed);
     if (status != OK)
         return status;
-    const struct follower_points points = follower_query_points(s->follower);
-    pthread_mutex_lock(&s->player.worker.lock);
-    s->shown.points = points;
-    pthread_mutex_unlock(&s->player.worker.lock);
+    const struct follower_points points = follower_query_points(session->follower);
+    pthread_mutex_lock(&session->player.worker.lock);
+    session->shown.points = points;
+    pthread_mutex_unlock(&session->player.worker.lock);
     const struct recorder_seen seen = {.time_ns = frame->time_ns,
                                        .color = frame->color,
                                        .depth = frame->depth,
-                                       .mask = followed.person ? s->mask : NULL,
+                                       .mask = followed.person ? session->mask : NULL,
                                        .skeleton = followed.person ? &followed.skeleton : NULL,
                                        .located = followed.located,
                                        .sight = followed.sight,
                                        .sensor_moves = followed.sensor_moves};
-    show(s, &seen);
+    show(session, &seen);
     return OK;
 }
 
-static bool something_is_wanted(struct studio_session *s)
+static bool something_is_wanted(struct studio_session *session)
 {
-    return studio_wish_waits(&s->wanted) || studio_wish_waits(&s->wanted_judged) || atomic_load(&s->wants_sweep) ||
-           atomic_load(&s->room_decision) != ROOM_UNDECIDED || source_player_must_stop(&s->player);
+    return studio_wish_waits(&session->wanted) || studio_wish_waits(&session->wanted_judged) ||
+           atomic_load(&session->wants_sweep) || atomic_load(&session->room_decision) != ROOM_UNDECIDED ||
+           source_player_must_stop(&session->player);
 }
 
 // Until a take or a sweep is wanted. NOTHING: the film ended. A film is shown as fast as it was made.
-static enum status preview(struct studio_session *s)
+static enum status preview(struct studio_session *session)
 {
-    source_player_resume(&s->player);
-    set_doing(s, STUDIO_DOING_PREVIEW, NULL);
-    while (!something_is_wanted(s)) {
+    source_player_resume(&session->player);
+    set_doing(session, STUDIO_DOING_PREVIEW, NULL);
+    while (!something_is_wanted(session)) {
         struct frame frame;
-        enum status status = source_player_next(&s->player, &frame);
+        enum status status = source_player_next(&session->player, &frame);
         if (status == ERR_INPUT)
             continue;
         if (status != OK)
             return status;
-        source_player_wait_for_frame(&s->player);
-        status = preview_frame(s, &frame);
+        source_player_wait_for_frame(&session->player);
+        status = preview_frame(session, &frame);
         if (status != OK)
             return status;
     }
@@ -303,10 +308,11 @@ static void on_smoothing(void *context, int64_t frames)
     set_doing(s, STUDIO_DOING_SMOOTH, NULL);
 }
 
-static enum status record(struct studio_session *s, const char *name, struct recorder_result *result)
+static enum status record(struct studio_session *session, const char *name, struct recorder_result *result)
 {
     struct recording_writer *writer = NULL;
-    enum status status = file_exists(s->file) ? recording_append(&writer, s->file) : recording_create(&writer, s->file);
+    enum status status = file_exists(session->file) ? recording_append(&writer, session->file)
+                                                    : recording_create(&writer, session->file);
     if (status != OK)
         return status;
     const struct recorder_options options = {.should_stop = take_should_stop,
@@ -316,9 +322,10 @@ static enum status record(struct studio_session *s, const char *name, struct rec
                                              .on_read = on_read,
                                              .paused = is_paused,
                                              .on_paused = on_paused,
-                                             .context = s,
-                                             .body_points = s->options.body_points};
-    status = recorder_run(s->player.source, writer, name, s->has_place ? &s->place : NULL, &options, result);
+                                             .context = session,
+                                             .body_points = session->options.body_points};
+    status = recorder_run(session->player.source, writer, name, session->has_place ? &session->place : NULL, &options,
+                          result);
     struct failure first;
     failure_keep(&first, status);
     enum status closed = recording_close(&writer);
@@ -326,44 +333,44 @@ static enum status record(struct studio_session *s, const char *name, struct rec
 }
 
 // A film from its beginning again.
-static enum status rewind_source(struct studio_session *s)
+static enum status rewind_source(struct studio_session *session)
 {
-    close_sensor(s);
-    return open_sensor(s);
+    close_sensor(session);
+    return open_sensor(session);
 }
 
-static enum status run_take(struct studio_session *s)
+static enum status run_take(struct studio_session *session)
 {
     char name[256];
     struct recorder_result result = {0};
-    enum status status = source_is_live(s->player.source) ? OK : rewind_source(s);
+    enum status status = source_is_live(session->player.source) ? OK : rewind_source(session);
     if (status != OK)
         return status;
-    if (!studio_wish_take(&s->wanted, name))
+    if (!studio_wish_take(&session->wanted, name))
         return OK;
-    the_session = s;
-    s->taking = true;
-    s->take_frames = 0;
-    start_coach(s);
-    pthread_mutex_lock(&s->player.worker.lock);
-    s->shown.counters.frames = 0; // the last take's
-    s->shown.counters.take_s = 0;
-    pthread_mutex_unlock(&s->player.worker.lock);
-    set_doing(s, STUDIO_DOING_TAKE, NULL);
-    status = record(s, name, &result);
-    s->taking = false;
+    the_session = session;
+    session->taking = true;
+    session->take_frames = 0;
+    start_coach(session);
+    pthread_mutex_lock(&session->player.worker.lock);
+    session->shown.counters.frames = 0; // the last take's
+    session->shown.counters.take_s = 0;
+    pthread_mutex_unlock(&session->player.worker.lock);
+    set_doing(session, STUDIO_DOING_TAKE, NULL);
+    status = record(session, name, &result);
+    session->taking = false;
     struct take_judgement judgement = {.frames = result.frames};
-    set_doing(s, STUDIO_DOING_SMOOTH, NULL);
+    set_doing(session, STUDIO_DOING_SMOOTH, NULL);
     if (result.frames)
-        status = studio_judge(s->file, name, &s->coach, status, &judgement);
-    pthread_mutex_lock(&s->player.worker.lock);
-    s->shown.judgement = judgement;
-    s->shown.takes_ready++;
-    snprintf(s->shown.failure, sizeof s->shown.failure, "%s", status == OK ? "" : status_message());
-    pthread_mutex_unlock(&s->player.worker.lock);
-    start_coach(s);
-    follower_reset(s->follower);
-    set_doing(s, STUDIO_DOING_PREVIEW, NULL);
+        status = studio_judge(session->file, name, &session->coach, status, &judgement);
+    pthread_mutex_lock(&session->player.worker.lock);
+    session->shown.judgement = judgement;
+    session->shown.takes_ready++;
+    snprintf(session->shown.failure, sizeof session->shown.failure, "%s", status == OK ? "" : status_message());
+    pthread_mutex_unlock(&session->player.worker.lock);
+    start_coach(session);
+    follower_reset(session->follower);
+    set_doing(session, STUDIO_DOING_PREVIEW, NULL);
     return status;
 }
 
@@ -382,110 +389,114 @@ static void show_sweep(void *self, const struct frame *frame, const struct sweep
 static void show_finishing(void *self) { set_doing(self, STUDIO_DOING_MAP, NULL); }
 
 // A map that is neither kept nor dropped yet.
-static bool room_waits(const struct studio_session *s)
+static bool room_waits(const struct studio_session *session)
 {
-    return s->room.place.tag_count + s->room.place.point_count > 0;
+    return session->room.place.tag_count + session->room.place.point_count > 0;
 }
 
 // A room that cannot be kept now, as on a full disk, waits for another try.
-static bool keep_room(struct studio_session *s)
+static bool keep_room(struct studio_session *session)
 {
-    if (studio_room_keep(&s->room, s->file) == OK)
+    if (studio_room_keep(&session->room, session->file) == OK)
         return true;
-    pthread_mutex_lock(&s->player.worker.lock);
-    s->shown.room.not_kept++;
-    snprintf(s->shown.room.why_not_kept, sizeof s->shown.room.why_not_kept, "Not kept: %s", status_message());
-    pthread_mutex_unlock(&s->player.worker.lock);
-    if (s->options.wake)
-        s->options.wake(s->options.wake_self);
+    pthread_mutex_lock(&session->player.worker.lock);
+    session->shown.room.not_kept++;
+    snprintf(session->shown.room.why_not_kept, sizeof session->shown.room.why_not_kept, "Not kept: %s",
+             status_message());
+    pthread_mutex_unlock(&session->player.worker.lock);
+    if (session->options.wake)
+        session->options.wake(session->options.wake_self);
     return false;
 }
 
 // Where the room is kept, the sensor is looked for in it from here on.
-static enum status decide_room(struct studio_session *s)
+static enum status decide_room(struct studio_session *session)
 {
-    const int decision = atomic_exchange(&s->room_decision, ROOM_UNDECIDED);
-    const bool keeps = decision == ROOM_KEEP && room_waits(s);
-    if (decision == ROOM_UNDECIDED || (keeps && !keep_room(s)))
+    const int decision = atomic_exchange(&session->room_decision, ROOM_UNDECIDED);
+    const bool keeps = decision == ROOM_KEEP && room_waits(session);
+    if (decision == ROOM_UNDECIDED || (keeps && !keep_room(session)))
         return OK;
-    studio_room_free(&s->room);
+    studio_room_free(&session->room);
     if (!keeps)
         return OK;
-    follower_close(&s->follower); // it has the place
-    place_free(&s->place);
-    enum status status = studio_read_place(s->file, &s->place, &s->has_place);
-    return status == OK ? open_follower(s) : status;
+    follower_close(&session->follower); // it has the place
+    place_free(&session->place);
+    enum status status = studio_read_place(session->file, &session->place, &session->has_place);
+    return status == OK ? open_follower(session) : status;
 }
 
 // A sensor that failed while a room waits is opened again once that is kept or dropped.
-static enum status after_cut(struct studio_session *s)
+static enum status after_cut(struct studio_session *session)
 {
     static const int64_t LOOK_NS = 20000000;
     enum status status = OK;
-    while (status == OK && room_waits(s) && !source_player_must_stop(&s->player)) {
+    while (status == OK && room_waits(session) && !source_player_must_stop(&session->player)) {
         clock_sleep_until_ns(clock_now_ns() + LOOK_NS);
-        status = decide_room(s);
+        status = decide_room(session);
     }
-    return status == OK && !source_player_must_stop(&s->player) ? rewind_source(s) : status;
+    return status == OK && !source_player_must_stop(&session->player) ? rewind_source(session) : status;
 }
 
 // A sweep that gives no map is an answer, not the session's failure.
-static enum status run_sweep(struct studio_session *s)
+static enum status run_sweep(struct studio_session *session)
 {
-    enum status status = source_is_live(s->player.source) ? OK : rewind_source(s);
+    enum status status = source_is_live(session->player.source) ? OK : rewind_source(session);
     if (status != OK)
         return status;
     char found[1024];
-    const char *tags = *s->tags ? s->tags : studio_find_tags(s->file, found, sizeof found) ? found : NULL;
-    const struct studio_sweep_wish wish = {.source = s->player.source,
+    const char *tags = *session->tags                                         ? session->tags
+                       : studio_find_tags(session->file, found, sizeof found) ? found
+                                                                              : NULL;
+    const struct studio_sweep_wish wish = {.source = session->player.source,
                                            .tags = tags,
-                                           .prior = s->has_place ? &s->place : NULL,
-                                           .end = &s->end_sweep,
+                                           .prior = session->has_place ? &session->place : NULL,
+                                           .end = &session->end_sweep,
                                            .show = show_sweep,
                                            .finishing = show_finishing,
-                                           .self = s};
-    studio_room_free(&s->room);
-    set_doing(s, STUDIO_DOING_SWEEP, NULL);
-    status = studio_sweep_run(&wish, &s->room);
+                                           .self = session};
+    studio_room_free(&session->room);
+    set_doing(session, STUDIO_DOING_SWEEP, NULL);
+    status = studio_sweep_run(&wish, &session->room);
     if (status == ERR_DEVICE || status == ERR_MEMORY)
         return status;
-    pthread_mutex_lock(&s->player.worker.lock);
-    struct studio_room_view *room = &s->shown.room;
+    pthread_mutex_lock(&session->player.worker.lock);
+    struct studio_room_view *room = &session->shown.room;
     snprintf(room->failure, sizeof room->failure, "%s", status < 0 ? status_message() : "");
     if (status == OK) {
-        room->plan = s->room.plan;
-        room->advice = s->room.advice;
+        room->plan = session->room.plan;
+        room->advice = session->room.advice;
     }
     room->ready += status != NOTHING;
-    pthread_mutex_unlock(&s->player.worker.lock);
-    follower_reset(s->follower);
-    start_coach(s);
-    set_doing(s, STUDIO_DOING_PREVIEW, NULL);
-    return s->room.cut ? after_cut(s) : OK;
+    pthread_mutex_unlock(&session->player.worker.lock);
+    follower_reset(session->follower);
+    start_coach(session);
+    set_doing(session, STUDIO_DOING_PREVIEW, NULL);
+    return session->room.cut ? after_cut(session) : OK;
 }
 
 // A take that cannot be judged keeps the verdict that is shown.
-static void judge_anew(struct studio_session *s)
+static void judge_anew(struct studio_session *session)
 {
     char name[256];
     struct take_judgement judgement;
-    if (!studio_wish_take(&s->wanted_judged, name) || take_verdict_keep(s->file, name, NULL, &judgement) != OK)
+    if (!studio_wish_take(&session->wanted_judged, name) ||
+        take_verdict_keep(session->file, name, NULL, &judgement) != OK)
         return;
-    pthread_mutex_lock(&s->player.worker.lock);
-    s->shown.judgement = judgement;
-    s->shown.judged++;
-    pthread_mutex_unlock(&s->player.worker.lock);
-    wake(s);
+    pthread_mutex_lock(&session->player.worker.lock);
+    session->shown.judgement = judgement;
+    session->shown.judged++;
+    pthread_mutex_unlock(&session->player.worker.lock);
+    wake(session);
 }
 
 // What was asked for while the preview ran.
-static enum status serve(struct studio_session *s)
+static enum status serve(struct studio_session *session)
 {
-    judge_anew(s);
-    enum status status = decide_room(s);
-    if (status != OK || source_player_must_stop(&s->player))
+    judge_anew(session);
+    enum status status = decide_room(session);
+    if (status != OK || source_player_must_stop(&session->player))
         return status;
-    return atomic_exchange(&s->wants_sweep, false) ? run_sweep(s) : run_take(s);
+    return atomic_exchange(&session->wants_sweep, false) ? run_sweep(session) : run_take(session);
 }
 
 static void *run(void *context)
@@ -536,35 +547,41 @@ enum status studio_session_open(struct studio_session **out, const struct studio
 }
 
 // What is asked for from here on is meant for this take, even before the session's thread has begun it.
-void studio_session_begin(struct studio_session *s, const char *take)
+void studio_session_begin(struct studio_session *session, const char *take)
 {
-    atomic_store(&s->end_take, false);
-    atomic_store(&s->paused, false);
-    studio_wish_put(&s->wanted, take);
+    atomic_store(&session->end_take, false);
+    atomic_store(&session->paused, false);
+    studio_wish_put(&session->wanted, take);
 }
 
-void studio_session_judge(struct studio_session *s, const char *take) { studio_wish_put(&s->wanted_judged, take); }
-
-void studio_session_choose(struct studio_session *s, enum verdict_purpose to) { atomic_store(&s->purpose, to); }
-
-void studio_session_end(struct studio_session *s) { atomic_store(&s->end_take, true); }
-
-void studio_session_pause(struct studio_session *s, bool pause) { atomic_store(&s->paused, pause); }
-
-void studio_session_sweep(struct studio_session *s)
+void studio_session_judge(struct studio_session *session, const char *take)
 {
-    atomic_store(&s->end_sweep, STUDIO_SWEEP_ON);
-    atomic_store(&s->wants_sweep, true);
+    studio_wish_put(&session->wanted_judged, take);
 }
 
-void studio_session_end_sweep(struct studio_session *s, bool drop)
+void studio_session_choose(struct studio_session *session, enum verdict_purpose to)
 {
-    atomic_store(&s->end_sweep, drop ? STUDIO_SWEEP_DROP : STUDIO_SWEEP_END);
+    atomic_store(&session->purpose, to);
 }
 
-void studio_session_keep_room(struct studio_session *s, bool keep)
+void studio_session_end(struct studio_session *session) { atomic_store(&session->end_take, true); }
+
+void studio_session_pause(struct studio_session *session, bool pause) { atomic_store(&session->paused, pause); }
+
+void studio_session_sweep(struct studio_session *session)
 {
-    atomic_store(&s->room_decision, keep ? ROOM_KEEP : ROOM_DROP);
+    atomic_store(&session->end_sweep, STUDIO_SWEEP_ON);
+    atomic_store(&session->wants_sweep, true);
+}
+
+void studio_session_end_sweep(struct studio_session *session, bool drop)
+{
+    atomic_store(&session->end_sweep, drop ? STUDIO_SWEEP_DROP : STUDIO_SWEEP_END);
+}
+
+void studio_session_keep_room(struct studio_session *session, bool keep)
+{
+    atomic_store(&session->room_decision, keep ? ROOM_KEEP : ROOM_DROP);
 }
 
 void studio_session_close(struct studio_session **out)

@@ -25,21 +25,21 @@ MUST_CHECK enum status studio_session_open(struct studio_session **out, const st
 // Ends a take that is being made, in good order. NULL is fine; sets *s = NULL.
 void studio_session_close(struct studio_session **s);
 
-void studio_session_begin(struct studio_session *s, const char *take);
-void studio_session_end(struct studio_session *s);
+void studio_session_begin(struct studio_session *session, const char *take);
+void studio_session_end(struct studio_session *session);
 // The take's frames have changed: recomputes its verdict.
-void studio_session_judge(struct studio_session *s, const char *take);
-void studio_session_choose(struct studio_session *s, enum verdict_purpose purpose);
+void studio_session_judge(struct studio_session *session, const char *take);
+void studio_session_choose(struct studio_session *session, enum verdict_purpose purpose);
 
 // While a take pauses its frames are thrown away (recorder.h).
-void studio_session_pause(struct studio_session *s, bool pause);
+void studio_session_pause(struct studio_session *session, bool pause);
 
 // Sweeps the room from the next frame on, until it is ended or dropped; then snapshot.room has its map, which waits to
 // be kept in the file, in place of the place there if the sweep did not add to it, or dropped. One that cannot be kept
 // (room.not_kept) waits on.
-void studio_session_sweep(struct studio_session *s);
-void studio_session_end_sweep(struct studio_session *s, bool drop);
-void studio_session_keep_room(struct studio_session *s, bool keep);
+void studio_session_sweep(struct studio_session *session);
+void studio_session_end_sweep(struct studio_session *session, bool drop);
+void studio_session_keep_room(struct studio_session *session, bool keep);
 
 // Copies the newest state. False: nothing is new since snapshot's; *out is unchanged.
-bool studio_session_read(struct studio_session *s, struct studio_snapshot *out);
+bool studio_session_read(struct studio_session *session, struct studio_snapshot *out);

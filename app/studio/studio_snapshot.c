@@ -5,31 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-void studio_snapshot_free(struct studio_snapshot *s)
+void studio_snapshot_free(struct studio_snapshot *snapshot)
 {
-    free(s->color);
-    free(s->mask);
-    free(s->depth);
-    *s = (struct studio_snapshot){0};
+    free(snapshot->color);
+    free(snapshot->mask);
+    free(snapshot->depth);
+    *snapshot = (struct studio_snapshot){0};
 }
 
-bool studio_snapshot_size(struct studio_snapshot *s, const struct calibration *c)
+bool studio_snapshot_size(struct studio_snapshot *snapshot, const struct calibration *calibration)
 {
-    const size_t color = 3 * (size_t)c->color.width * (size_t)c->color.height,
-                 depth = (size_t)c->depth.width * (size_t)c->depth.height;
-    if (s->color_bytes == color && s->depth_pixels == depth)
+    const size_t color = 3 * (size_t)calibration->color.width * (size_t)calibration->color.height,
+                 depth = (size_t)calibration->depth.width * (size_t)calibration->depth.height;
+    if (snapshot->color_bytes == color && snapshot->depth_pixels == depth)
         return true;
-    free(s->color);
-    free(s->mask);
-    free(s->depth);
-    s->color = malloc(color + 1);
-    s->mask = calloc(depth + 1, 1);
-    s->depth = calloc(depth + 1, sizeof *s->depth);
-    s->color_bytes = color;
-    s->depth_pixels = depth;
-    if (s->color && s->mask && s->depth)
+    free(snapshot->color);
+    free(snapshot->mask);
+    free(snapshot->depth);
+    snapshot->color = malloc(color + 1);
+    snapshot->mask = calloc(depth + 1, 1);
+    snapshot->depth = calloc(depth + 1, sizeof *snapshot->depth);
+    snapshot->color_bytes = color;
+    snapshot->depth_pixels = depth;
+    if (snapshot->color && snapshot->mask && snapshot->depth)
         return true;
-    s->color_bytes = s->depth_pixels = 0;
+    snapshot->color_bytes = snapshot->depth_pixels = 0;
     return false;
 }
 
@@ -38,35 +38,36 @@ static bool same_size(const struct lens *a, const struct lens *b)
     return a->width == b->width && a->height == b->height;
 }
 
-void studio_snapshot_calibrate(struct studio_snapshot *s, const struct calibration *c)
+void studio_snapshot_calibrate(struct studio_snapshot *snapshot, const struct calibration *calibration)
 {
-    s->without_color = 0;
-    s->has_color = s->has_color && same_size(&s->calibration.color, &c->color);
-    s->has_depth = s->has_depth && same_size(&s->calibration.depth, &c->depth);
-    s->calibration = *c;
+    snapshot->without_color = 0;
+    snapshot->has_color = snapshot->has_color && same_size(&snapshot->calibration.color, &calibration->color);
+    snapshot->has_depth = snapshot->has_depth && same_size(&snapshot->calibration.depth, &calibration->depth);
+    snapshot->calibration = *calibration;
 }
 
-void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, const uint16_t *depth,
+void studio_snapshot_pictures(struct studio_snapshot *snapshot, const uint8_t *color, const uint16_t *depth,
                               const uint8_t *mask)
 {
-    if (!studio_snapshot_size(s, &s->calibration))
+    if (!studio_snapshot_size(snapshot, &snapshot->calibration))
         return;
-    s->has_color = color != NULL;
-    s->without_color = frames_without_color(s->without_color, color);
-    s->has_depth = depth != NULL;
+    snapshot->has_color = color != NULL;
+    snapshot->without_color = frames_without_color(snapshot->without_color, color);
+    snapshot->has_depth = depth != NULL;
     if (color)
-        memcpy(s->color, color, s->color_bytes);
+        memcpy(snapshot->color, color, snapshot->color_bytes);
     if (depth)
-        memcpy(s->depth, depth, s->depth_pixels * sizeof *s->depth);
+        memcpy(snapshot->depth, depth, snapshot->depth_pixels * sizeof *snapshot->depth);
     if (mask)
-        memcpy(s->mask, mask, s->depth_pixels);
+        memcpy(snapshot->mask, mask, snapshot->depth_pixels);
     else
-        memset(s->mask, 0, s->depth_pixels);
+        memset(snapshot->mask, 0, snapshot->depth_pixels);
 }
 
-bool studio_snapshot_sees_color(const struct studio_snapshot *s)
+bool studio_snapshot_sees_color(const struct studio_snapshot *snapshot)
 {
-    return s->calibration.color.width > 0 && (s->without_color < DEPTH_PICTURE_AFTER || !s->calibration.depth.width);
+    return snapshot->calibration.color.width > 0 &&
+           (snapshot->without_color < DEPTH_PICTURE_AFTER || !snapshot->calibration.depth.width);
 }
 
 bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out)

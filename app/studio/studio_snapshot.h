@@ -64,19 +64,19 @@ struct studio_snapshot {
 };
 
 // Buffers for pictures of these lenses. False: no memory, there are none.
-bool studio_snapshot_size(struct studio_snapshot *s, const struct calibration *c);
+bool studio_snapshot_size(struct studio_snapshot *snapshot, const struct calibration *calibration);
 
 // The pictures of another lens's size are there no longer.
-void studio_snapshot_calibrate(struct studio_snapshot *s, const struct calibration *c);
+void studio_snapshot_calibrate(struct studio_snapshot *snapshot, const struct calibration *calibration);
 
 // Copies one frame's pictures; NULL: there is none.
-void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, const uint16_t *depth,
+void studio_snapshot_pictures(struct studio_snapshot *snapshot, const uint8_t *color, const uint16_t *depth,
                               const uint8_t *mask);
 
 // Copies everything, if there is anything new. False: there is not, or no memory; *out is unchanged.
 bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out);
 
 // False: a sensor without a colour camera, or one whose colour camera gives no images any more; depth is all there is.
-bool studio_snapshot_sees_color(const struct studio_snapshot *s);
+bool studio_snapshot_sees_color(const struct studio_snapshot *snapshot);
 
-void studio_snapshot_free(struct studio_snapshot *s);
+void studio_snapshot_free(struct studio_snapshot *snapshot);

@@ -10,8 +10,8 @@
 // Discarding and trimming wait for STUDIO_UNDO_S, and for a take that is being made, before the file is changed: until
 // then they can be taken back. Leaving carries them out; a program that ends otherwise leaves the take as it was.
 #pragma once
-#include "platform/sensors/source.h"
 #include "base/status.h"
+#include "platform/sensors/source.h"
 
 // ---------------------------------------------------------------- studio rate
 
@@ -24,9 +24,9 @@ struct studio_rate {
 };
 
 // Costs some milliseconds where a measurement is due. Without memory the last one stays.
-void studio_rate_see(struct studio_rate *r, const struct frame *frame, const struct calibration *calibration,
+void studio_rate_see(struct studio_rate *rate, const struct frame *frame, const struct calibration *calibration,
                      int64_t now_ns);
-void studio_rate_close(struct studio_rate *r);
+void studio_rate_close(struct studio_rate *rate);
 
 // ---------------------------------------------------------------- studio state
 
@@ -129,34 +129,34 @@ struct studio_state {
 
 struct studio_state studio_start(bool dark);
 
-void studio_set_sensors(struct studio_state *s, int count, int64_t now_ns); // the list was read
-void studio_choose_sensor(struct studio_state *s, int sensor, int64_t now_ns);
-void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns);
+void studio_set_sensors(struct studio_state *state, int count, int64_t now_ns); // the list was read
+void studio_choose_sensor(struct studio_state *state, int sensor, int64_t now_ns);
+void studio_do(struct studio_state *state, enum studio_action action, int64_t now_ns);
 // Page RENAME: what is typed, the last character taken back, the name as it is.
-void studio_type(struct studio_state *s, const char *text);
-void studio_type_back(struct studio_state *s);
-void studio_type_done(struct studio_state *s, int64_t now_ns);
+void studio_type(struct studio_state *state, const char *text);
+void studio_type_back(struct studio_state *state);
+void studio_type_done(struct studio_state *state, int64_t now_ns);
 
 // ---- what happened
-void studio_sensor_ready(struct studio_state *s, int64_t now_ns);
-void studio_take_finishing(struct studio_state *s, int64_t now_ns);             // filming is over, smoothing goes on
-void studio_take_ready(struct studio_state *s, int64_t frames, int64_t now_ns); // written; 0: nothing to review
-void studio_sweep_finishing(struct studio_state *s, int64_t now_ns); // the sweep is over, the map is computed
-void studio_sweep_ready(struct studio_state *s, int64_t now_ns);     // its map can be reviewed
-void studio_room_not_kept(struct studio_state *s, const char *why, int64_t now_ns); // it can be kept later
-void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns);
-void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns); // a notice for some seconds
-void studio_renamed(struct studio_state *s, bool done, int64_t now_ns);
+void studio_sensor_ready(struct studio_state *state, int64_t now_ns);
+void studio_take_finishing(struct studio_state *state, int64_t now_ns); // filming is over, smoothing goes on
+void studio_take_ready(struct studio_state *state, int64_t frames, int64_t now_ns); // written; 0: nothing to review
+void studio_sweep_finishing(struct studio_state *state, int64_t now_ns); // the sweep is over, the map is computed
+void studio_sweep_ready(struct studio_state *state, int64_t now_ns);     // its map can be reviewed
+void studio_room_not_kept(struct studio_state *state, const char *why, int64_t now_ns); // it can be kept later
+void studio_fail(struct studio_state *state, const char *sentence, int64_t now_ns);
+void studio_say(struct studio_state *state, const char *sentence, int64_t now_ns); // a notice for some seconds
+void studio_renamed(struct studio_state *state, bool done, int64_t now_ns);
 // `erasing` was not carried out. again: it may be later, and is tried once more, when it could be taken back meanwhile.
-void studio_erasure_failed(struct studio_state *s, const char *why, bool again, int64_t now_ns);
+void studio_erasure_failed(struct studio_state *state, const char *why, bool again, int64_t now_ns);
 
 // Of what waits, how many seconds are left to take it back, at least 1; 0: nothing waits.
-int studio_undo_left_s(const struct studio_state *s, int64_t now_ns);
+int studio_undo_left_s(const struct studio_state *state, int64_t now_ns);
 
 int studio_take_number(const char *name); // N of a take that was named "take-N"; 0: it is another name
 
 // Advances the countdown. Returns when to call it again at the latest.
-int64_t studio_tick(struct studio_state *s, int64_t now_ns);
+int64_t studio_tick(struct studio_state *state, int64_t now_ns);
 
 // Takes the oldest command. False: none.
-bool studio_take_command(struct studio_state *s, enum studio_command *out);
+bool studio_take_command(struct studio_state *state, enum studio_command *out);

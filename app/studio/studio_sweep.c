@@ -1,7 +1,7 @@
 #include "app/studio/studio_sweep.h"
 
-#include "recording/recording.h"
 #include "platform/files/file.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 #include <stdlib.h>

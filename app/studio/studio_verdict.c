@@ -13,18 +13,18 @@ enum status studio_judge(const char *file, const char *take, const struct coach 
     return first.status != OK ? failure_restore(&first) : status;
 }
 
-void studio_verdict_draw(const struct brush *b, const struct take_verdict *verdict, const char *failure,
+void studio_verdict_draw(const struct brush *brush, const struct take_verdict *verdict, const char *failure,
                          struct scroll *scroll, struct ui_box box)
 {
     const bool good = verdict_is_good(verdict) && !*failure;
     char heading[VERDICT_LINE_BYTES];
-    panel(b, box, false);
+    panel(brush, box, false);
     struct ui_box in = inner(box, 20), head = cut_top(&in, 44);
-    icon_draw(b->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
-              good ? b->theme->accent : b->theme->warn);
+    icon_draw(brush->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
+              good ? brush->theme->accent : brush->theme->warn);
     snprintf(heading, sizeof heading, "%s", verdict_headline(verdict));
     *heading = (char)toupper((unsigned char)*heading);
-    label(b, FACE_HEAD, head, b->theme->text, heading);
+    label(brush, FACE_HEAD, head, brush->theme->text, heading);
     const char *lines[VERDICT_LINES + 1];
     int count = 0;
     if (*failure)
@@ -32,5 +32,5 @@ void studio_verdict_draw(const struct brush *b, const struct take_verdict *verdi
     for (int i = 0; i < verdict->count; i++)
         if (verdict_shows_line(verdict, i))
             lines[count++] = verdict->line[i].text;
-    bullet_list(b, scroll, in, lines, count);
+    bullet_list(brush, scroll, in, lines, count);
 }

@@ -9,5 +9,5 @@ MUST_CHECK enum status studio_judge(const char *file, const char *take, const st
                                     enum status recorded, struct take_judgement *out);
 
 // Heading and sentences in a panel. failure: of the take, comes first; "": none. They scroll.
-void studio_verdict_draw(const struct brush *b, const struct take_verdict *verdict, const char *failure,
+void studio_verdict_draw(const struct brush *brush, const struct take_verdict *verdict, const char *failure,
                          struct scroll *scroll, struct ui_box box);

@@ -9,8 +9,8 @@ struct studio_wish {
     char take[256]; // "": none
 };
 
-void studio_wish_open(struct studio_wish *w);
-void studio_wish_close(struct studio_wish *w);
-void studio_wish_put(struct studio_wish *w, const char *take);
-bool studio_wish_waits(struct studio_wish *w);
-bool studio_wish_take(struct studio_wish *w, char take[256]); // and there is none any more; false: there was none
+void studio_wish_open(struct studio_wish *wish);
+void studio_wish_close(struct studio_wish *wish);
+void studio_wish_put(struct studio_wish *wish, const char *take);
+bool studio_wish_waits(struct studio_wish *wish);
+bool studio_wish_take(struct studio_wish *wish, char take[256]); // and there is none any more; false: there was none

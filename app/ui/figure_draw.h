@@ -26,12 +26,12 @@ struct figure {
     int marked;                      // 1 more than the part that stands out, of a body; 0: none
 };
 // FIGURE_LIMBS or FIGURE_GHOST as strokes in world axes, for a picture that hides them by depth. Their widths count
-// pixels of view->lens's image. Returns how many; at most FIGURE_STROKES_MOST.
-enum { FIGURE_STROKES_MOST = 2 * PART_COUNT + JOINT_COUNT };
-int figure_strokes(const struct theme *t, const struct figure_view *view, const struct figure *f,
-                   struct overlay_stroke out[FIGURE_STROKES_MOST]);
+// pixels of view->lens's image. Returns how many; at most FIGURE_STROKES_MAX.
+enum { FIGURE_STROKES_MAX = 2 * PART_COUNT + JOINT_COUNT };
+int figure_strokes(const struct theme *theme, const struct figure_view *view, const struct figure *figure,
+                   struct overlay_stroke out[FIGURE_STROKES_MAX]);
 
-void figure_draw(const struct brush *b, const struct figure_view *view, const struct figure *f);
+void figure_draw(const struct brush *brush, const struct figure_view *view, const struct figure *figure);
 
 // Where a point of the world is on the screen. False: behind the camera, or far outside.
 bool figure_point(const struct figure_view *view, struct vec3 world, struct ui_point *out);
@@ -39,6 +39,7 @@ bool figure_point(const struct figure_view *view, struct vec3 world, struct ui_p
 // Where the view's whole image is on the screen.
 struct ui_box figure_image_box(const struct figure_view *view);
 
-uint32_t verdict_color(const struct theme *t, enum verdict v);
+uint32_t verdict_color(const struct theme *theme, enum verdict verdict);
 // A line as the figures draw it: solid, or dashed for what the sensor cannot tell.
-void verdict_line(const struct brush *b, struct ui_point from, struct ui_point to, double width, enum verdict v);
+void verdict_line(const struct brush *brush, struct ui_point from, struct ui_point to, double width,
+                  enum verdict verdict);

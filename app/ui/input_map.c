@@ -77,128 +77,130 @@ enum view_action input_map_button(enum pad_button button)
     return button < PAD_BUTTONS ? actions[button] : DO_NOTHING;
 }
 
-static void point(struct input_map *m, const struct window_event *e, double px_per_dp)
+static void set_pointer(struct input_map *map, const struct window_event *event, double px_per_dp)
 {
-    m->pointer_x = e->x / px_per_dp;
-    m->pointer_y = e->y / px_per_dp;
-    m->pointer_there = true;
-    m->leaving = false;
+    map->pointer_x = event->x / px_per_dp;
+    map->pointer_y = event->y / px_per_dp;
+    map->pointer_there = true;
+    map->leaving = false;
 }
 
-static bool on_pointer(struct input_map *m, struct view_state *s, const struct window_event *e, double px_per_dp,
-                       int64_t now_ns)
+static bool on_pointer(struct input_map *map, struct view_state *state, const struct window_event *event,
+                       double px_per_dp, int64_t now_ns)
 {
-    const double x = e->x / px_per_dp, y = e->y / px_per_dp;
-    const bool first = m->pointer_down && m->pointer == e->pointer, mouse = e->pointer < 0;
-    switch (e->kind) {
+    const double x = event->x / px_per_dp, y = event->y / px_per_dp;
+    const bool first = map->pointer_down && map->pointer == event->pointer, mouse = event->pointer < 0;
+    switch (event->kind) {
     case WINDOW_POINTER_DOWN:
-        gesture_down(&m->gesture, e->pointer, x, y, now_ns);
-        if (m->pointer_down)
+        gesture_down(&map->gesture, event->pointer, x, y, now_ns);
+        if (map->pointer_down)
             return false;
-        point(m, e, px_per_dp);
-        m->pointer_down = true;
-        m->pointer = e->pointer;
+        set_pointer(map, event, px_per_dp);
+        map->pointer_down = true;
+        map->pointer = event->pointer;
         break;
     case WINDOW_POINTER_UP:
-        gesture_up(&m->gesture, e->pointer, TAP_DP, now_ns);
+        gesture_up(&map->gesture, event->pointer, TAP_DP, now_ns);
         if (!first)
             return false;
-        point(m, e, px_per_dp);
-        m->pointer_down = false;
-        m->leaving = !mouse;
+        set_pointer(map, event, px_per_dp);
+        map->pointer_down = false;
+        map->leaving = !mouse;
         break;
     default:
-        gesture_move(&m->gesture, e->pointer, x, y);
-        if (first || (mouse && !m->pointer_down))
-            point(m, e, px_per_dp);
-        s->changed = true;
+        gesture_move(&map->gesture, event->pointer, x, y);
+        if (first || (mouse && !map->pointer_down))
+            set_pointer(map, event, px_per_dp);
+        state->changed = true;
         return false;
     }
-    s->changed = true;
+    state->changed = true;
     return true;
 }
 
 // While a thing is looked for by its name, letters are letters.
-static void on_key(struct view_state *s, const struct window_event *e, int64_t now_ns)
+static void on_key(struct view_state *state, const struct window_event *event, int64_t now_ns)
 {
-    const bool finding = view_state_types(s), letter = e->key >= 32 && e->key < 127;
-    s->changed |= finding;
-    if (finding && e->key == WINDOW_KEY_ENTER)
-        s->room.enter = true;
-    else if (finding && e->key == WINDOW_KEY_BACKSPACE)
-        text_remove_last(s->room.filter);
+    const bool finding = view_state_types(state), letter = event->key >= 32 && event->key < 127;
+    state->changed |= finding;
+    if (finding && event->key == WINDOW_KEY_ENTER)
+        state->room.enter = true;
+    else if (finding && event->key == WINDOW_KEY_BACKSPACE)
+        text_remove_last(state->room.filter);
     else if (!finding || !letter) // letters come as text
-        view_state_do(s, input_map_key(e->key, e->shift), now_ns);
+        view_state_do(state, input_map_key(event->key, event->shift), now_ns);
 }
 
-bool input_map_is_meant(const struct input_map *m, int page, const struct window_event *e)
+bool input_map_is_meant(const struct input_map *map, int page, const struct window_event *event)
 {
-    const bool presses = e->kind == WINDOW_POINTER_DOWN || e->kind == WINDOW_POINTER_UP || e->kind == WINDOW_WHEEL ||
-                         e->kind == WINDOW_KEY || e->kind == WINDOW_TEXT || e->kind == WINDOW_PAD_BUTTON;
-    return !presses || (m->shows && m->shown_page == page);
+    const bool presses = event->kind == WINDOW_POINTER_DOWN || event->kind == WINDOW_POINTER_UP ||
+                         event->kind == WINDOW_WHEEL || event->kind == WINDOW_KEY || event->kind == WINDOW_TEXT ||
+                         event->kind == WINDOW_PAD_BUTTON;
+    return !presses || (map->shows && map->shown_page == page);
 }
 
-void input_map_forget(struct input_map *m)
+void input_map_forget(struct input_map *map)
 {
-    m->pointer_down = m->pointer_there = m->leaving = false;
-    m->gesture = (struct gesture){0};
+    map->pointer_down = map->pointer_there = map->leaving = false;
+    map->gesture = (struct gesture){0};
 }
 
-bool input_map_event(struct input_map *m, struct view_state *s, const struct window_event *e, double px_per_dp,
-                     int64_t now_ns)
+bool input_map_event(struct input_map *map, struct view_state *state, const struct window_event *event,
+                     double px_per_dp, int64_t now_ns)
 {
-    switch (e->kind) {
+    switch (event->kind) {
     case WINDOW_POINTER_DOWN:
     case WINDOW_POINTER_MOVE:
-    case WINDOW_POINTER_UP: return on_pointer(m, s, e, px_per_dp, now_ns);
+    case WINDOW_POINTER_UP: return on_pointer(map, state, event, px_per_dp, now_ns);
     case WINDOW_WHEEL:
-        m->wheel += e->amount;
-        s->changed = true;
+        map->wheel += event->amount;
+        state->changed = true;
         break;
-    case WINDOW_KEY: on_key(s, e, now_ns); break;
-    case WINDOW_TEXT: s->changed |= view_state_types(s) && room_state_type(&s->room, e->text); break;
-    case WINDOW_PAD_BUTTON: view_state_do(s, input_map_button(e->button), now_ns); break;
-    case WINDOW_PAD_AXIS: m->pad[e->axis] = e->amount; break;
-    case WINDOW_RESIZED: s->changed = true; break;
-    case WINDOW_QUIT: view_state_do(s, DO_QUIT, now_ns); break;
+    case WINDOW_KEY: on_key(state, event, now_ns); break;
+    case WINDOW_TEXT: state->changed |= view_state_types(state) && room_state_type(&state->room, event->text); break;
+    case WINDOW_PAD_BUTTON: view_state_do(state, input_map_button(event->button), now_ns); break;
+    case WINDOW_PAD_AXIS: map->pad[event->axis] = event->amount; break;
+    case WINDOW_RESIZED: state->changed = true; break;
+    case WINDOW_QUIT: view_state_do(state, DO_QUIT, now_ns); break;
     default: break;
     }
     return false;
 }
 
-void input_map_frame_done(struct input_map *m, int page)
+void input_map_frame_done(struct input_map *map, int page)
 {
-    m->shows = true;
-    m->shown_page = page;
-    if (m->leaving)
-        m->pointer_there = m->leaving = false;
+    map->shows = true;
+    map->shown_page = page;
+    if (map->leaving)
+        map->pointer_there = map->leaving = false;
 }
 
-bool input_map_pad(const struct input_map *m, struct view_state *s, double passed_s, int64_t now_ns)
+bool input_map_pad(const struct input_map *map, struct view_state *state, double passed_s, int64_t now_ns)
 {
-    const double x = m->pad[PAD_LEFT_X], y = m->pad[PAD_LEFT_Y], yaw = m->pad[PAD_RIGHT_X], zoom = -m->pad[PAD_RIGHT_Y];
-    const double seek = m->pad[PAD_RIGHT_TRIGGER] - m->pad[PAD_LEFT_TRIGGER];
-    if (s->page == PAGE_LIVE && (x != 0 || y != 0 || zoom != 0)) {
-        orbit_move(&s->live.orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * zoom);
-        view_state_on_input(s, now_ns);
+    const double x = map->pad[PAD_LEFT_X], y = map->pad[PAD_LEFT_Y], yaw = map->pad[PAD_RIGHT_X],
+                 zoom = -map->pad[PAD_RIGHT_Y];
+    const double seek = map->pad[PAD_RIGHT_TRIGGER] - map->pad[PAD_LEFT_TRIGGER];
+    if (state->page == PAGE_LIVE && (x != 0 || y != 0 || zoom != 0)) {
+        orbit_move(&state->live.orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * zoom);
+        view_state_on_input(state, now_ns);
         return true;
     }
-    if (s->page != PAGE_WATCH || (x == 0 && y == 0 && yaw == 0 && zoom == 0 && seek == 0))
+    if (state->page != PAGE_WATCH || (x == 0 && y == 0 && yaw == 0 && zoom == 0 && seek == 0))
         return false;
-    if (s->moving) { // one metre per second, relative to the orbit's direction
-        double a = s->orbit.angle_rad;
-        s->placement.x_m += passed_s * (x * cos(a) + y * sin(a));
-        s->placement.y_m += passed_s * (x * sin(a) - y * cos(a));
-        view_state_set_yaw(s, s->placement.yaw_rad + 1.5 * passed_s * yaw);
-    } else if (s->orbiting) {
-        orbit_move(&s->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, s->room.map ? 0 : 8 * passed_s * zoom);
+    if (state->moving) { // one metre per second, relative to the orbit's direction
+        double a = state->orbit.angle_rad;
+        state->placement.x_m += passed_s * (x * cos(a) + y * sin(a));
+        state->placement.y_m += passed_s * (x * sin(a) - y * cos(a));
+        view_state_set_yaw(state, state->placement.yaw_rad + 1.5 * passed_s * yaw);
+    } else if (state->orbiting) {
+        orbit_move(&state->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, state->room.map ? 0 : 8 * passed_s * zoom);
     }
-    if (s->room.map && !s->moving) // the right stick turns the map
-        orbit_move(&s->room.map_orbit, -0.6 * passed_s * yaw, -0.6 * passed_s * zoom, 0);
+    if (state->room.map && !state->moving) // the right stick turns the map
+        orbit_move(&state->room.map_orbit, -0.6 * passed_s * yaw, -0.6 * passed_s * zoom, 0);
     if (seek != 0) {
-        int64_t at = playback_at(&s->playback, now_ns);
-        playback_seek(&s->playback, now_ns, at + (int64_t)(3e9 * passed_s * seek));
+        int64_t at = playback_at(&state->playback, now_ns);
+        playback_seek(&state->playback, now_ns, at + (int64_t)(3e9 * passed_s * seek));
     }
-    view_state_on_input(s, now_ns);
+    view_state_on_input(state, now_ns);
     return true;
 }

@@ -18,20 +18,20 @@ struct input_map {
 
 // px_per_dp: of the screen. True: a control may have been pressed or released; draw a frame before passing the next
 // event.
-bool input_map_event(struct input_map *m, struct view_state *s, const struct window_event *event, double px_per_dp,
-                     int64_t now_ns);
+bool input_map_event(struct input_map *map, struct view_state *state, const struct window_event *event,
+                     double px_per_dp, int64_t now_ns);
 
 // Presses, touches and text are meant for the page that is seen: false before the first frame, and once another page is
 // to be drawn. Where that was dropped, what it began is forgotten (input_map_forget).
-bool input_map_is_meant(const struct input_map *m, int page, const struct window_event *event);
+bool input_map_is_meant(const struct input_map *map, int page, const struct window_event *event);
 // Fingers and the mouse's button count as lifted, until they are pressed again.
-void input_map_forget(struct input_map *m);
+void input_map_forget(struct input_map *map);
 
 // A frame of this page was drawn with the current pointer.
-void input_map_frame_done(struct input_map *m, int page);
+void input_map_frame_done(struct input_map *map, int page);
 
 // Applies sticks and triggers for `passed_s`, seconds. True: something moves.
-bool input_map_pad(const struct input_map *m, struct view_state *s, double passed_s, int64_t now_ns);
+bool input_map_pad(const struct input_map *map, struct view_state *state, double passed_s, int64_t now_ns);
 
 enum view_action input_map_key(int key, bool shift);
 enum view_action input_map_button(enum pad_button button);

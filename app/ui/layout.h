@@ -25,7 +25,8 @@ struct layout {
 
 // For a screen of that size. shown: only its inset and sources count, which the cards show. Does not depend on whether
 // the controls are hidden at the moment.
-struct layout layout_of(double width, double height, const struct view_state *s, const struct take_view_image *shown);
+struct layout layout_of(double width, double height, const struct view_state *state,
+                        const struct take_view_image *shown);
 
 // Height of that many rows and the text size; of a sheet with them.
 double sheet_rows_height(int rows);

@@ -1,14 +1,14 @@
 // What of the room the page for watching draws beside the actor: labels at the things, an arrow to the one that was
 // looked for, the sheets to find a thing and to read what is known of it, and the map.
 #pragma once
-#include "app/ui/figure_draw.h"
 #include "app/state/view_state.h"
-#include "app/ui/thing_labels.h"
+#include "app/ui/figure_draw.h"
 #include "app/ui/layout.h"
+#include "app/ui/thing_labels.h"
 #include "recording/place.h"
 #include "recording/recorded_drive.h"
 
-enum { ROOM_LABELS_MOST = 64 }; // things with a label; all are in the sheet
+enum { ROOM_LABELS_MAX = 64 }; // things with a label; all are in the sheet
 
 enum answer { ANSWER_KEPT, ANSWER_ASKING, ANSWER_NONE }; // of the knowledge base; NONE: it gave none
 
@@ -53,11 +53,11 @@ struct room_page {
     struct lens viewer_lens;
 };
 
-struct room_ui {                              // between frames; room_ui_start
-    int sides[2][ROOM_LABELS_MOST];           // of labels: in the picture, in the map
-    struct ui_box boxes[2][ROOM_LABELS_MOST]; // where they were drawn, dp; valid with a side
-    struct scroll list, text;                 // of the sheets
-    double text_h;                            // dp, of the card's text when it was drawn last
+struct room_ui {                             // between frames; room_ui_start
+    int sides[2][ROOM_LABELS_MAX];           // of labels: in the picture, in the map
+    struct ui_box boxes[2][ROOM_LABELS_MAX]; // where they were drawn, dp; valid with a side
+    struct scroll list, text;                // of the sheets
+    double text_h;                           // dp, of the card's text when it was drawn last
 };
 void room_ui_start(struct room_ui *ui);
 
@@ -70,13 +70,13 @@ struct label_view {
     int taken_count;
 };
 // Labels, and the arrow to the thing that is wanted. Returns the thing whose label was touched, or ROOM_NOTHING.
-int thing_labels_draw(const struct brush *b, struct room_ui *ui, const struct room_state *s,
+int thing_labels_draw(const struct brush *brush, struct room_ui *ui, const struct room_state *state,
                       const struct room_page *page, const struct label_view *where);
 
 // The open sheet: SHEET_THINGS or SHEET_CARD.
-void thing_sheet_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
-                      struct ui_box box, struct vec3 eye, int64_t now_ns);
+void thing_sheet_draw(const struct brush *brush, struct room_ui *ui, struct view_state *state,
+                      const struct room_page *page, struct ui_box box, struct vec3 eye, int64_t now_ns);
 
 // What is known of the place, over an image of the page's map_view; map_draw draws it over the map.
-void map_overlay_draw(const struct brush *b, const struct room_page *page);
-void map_draw(const struct brush *b, const struct room_page *page, struct ui_box box);
+void map_overlay_draw(const struct brush *brush, const struct room_page *page);
+void map_draw(const struct brush *brush, const struct room_page *page, struct ui_box box);

@@ -7,90 +7,90 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double LEGEND_LEAST = 420, LEGEND_W = 236, COUNT_DP = 92;
+static const double LEGEND_MIN = 420, LEGEND_W = 236, COUNT_DP = 92;
 static const double DEGREE = 180 / 3.14159265358979323846;
 
 // ---------------------------------------------------------------- pictures
 
 // The whole image inside the box.
-static struct cover contain(const struct lens *lens, struct ui_box box)
+static struct cover contain_image(const struct lens *lens, struct ui_box box)
 {
     const double scale = fmin(box.w / lens->width, box.h / lens->height);
     return (struct cover){scale, box.x + (box.w - scale * lens->width) / 2, box.y + (box.h - scale * lens->height) / 2};
 }
 
-static void draw_mirror(const struct brush *b, const struct view_state *s, const struct live_page *page,
+static void draw_mirror(const struct brush *brush, const struct view_state *state, const struct live_page *page,
                         struct ui_box all)
 {
-    const struct take_view_image *p = page->image;
+    const struct take_view_image *image = page->image;
     const struct ui_uv_rect upright = {0, 0, 1, 1}, over = {1, 0, 0, 1};
-    ui_fill(b->ui, all, 0, b->theme->ground);
-    if (!(p->lens.width > 0))
+    ui_fill(brush->ui, all, 0, brush->theme->ground);
+    if (!(image->lens.width > 0))
         return;
-    const struct cover cover = contain(&p->lens, layout_live_free(all.w, all.h));
-    const struct ui_box box = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
-    const struct figure_view view = {p->lens, p->world_from_camera, cover, true};
+    const struct cover cover = contain_image(&image->lens, layout_live_free(all.w, all.h));
+    const struct ui_box box = {cover.x, cover.y, cover.scale * image->lens.width, cover.scale * image->lens.height};
+    const struct figure_view view = {image->lens, image->world_from_camera, cover, true};
     const struct figure person = {FIGURE_LIMBS, page->person, page->verdicts, false, 0},
                         ghost = {FIGURE_GHOST, page->ghost, NULL, false, 0};
     if (page->picture)
-        ui_image(b->ui, page->picture, box, over, ROUND, 0xffffffff);
-    ui_clip(b->ui, box);
-    const uint32_t tint = faint(0xffffffff, s->live.over ? 0.55 : 1); // over the person, both must be seen
-    if (p->shadow)
-        ui_image(b->ui, p->shadow, box, p->flip_x ? upright : over, 0, tint);
-    if (p->actor)
-        ui_image(b->ui, p->actor, box, p->flip_x ? upright : over, 0, tint);
-    if (page->front && p->actor)
-        ui_image(b->ui, page->front, box, over, 0, 0xffffffff);
+        ui_image(brush->ui, page->picture, box, over, ROUND, 0xffffffff);
+    ui_clip(brush->ui, box);
+    const uint32_t tint = faint(0xffffffff, state->live.over ? 0.55 : 1); // over the person, both must be seen
+    if (image->shadow)
+        ui_image(brush->ui, image->shadow, box, image->flip_x ? upright : over, 0, tint);
+    if (image->actor)
+        ui_image(brush->ui, image->actor, box, image->flip_x ? upright : over, 0, tint);
+    if (page->front && image->actor)
+        ui_image(brush->ui, page->front, box, over, 0, 0xffffffff);
     if (page->ghost)
-        figure_draw(b, &view, &ghost);
+        figure_draw(brush, &view, &ghost);
     if (page->person)
-        figure_draw(b, &view, &person);
-    ui_unclip(b->ui);
+        figure_draw(brush, &view, &person);
+    ui_unclip(brush->ui);
 }
 
 // The actor in the studio or in the camera's image, and the person.
-static void draw_scene(const struct brush *b, const struct view_state *s, const struct live_page *page,
+static void draw_scene(const struct brush *brush, const struct view_state *state, const struct live_page *page,
                        struct ui_box all, bool room)
 {
-    const struct take_view_image *p = page->image;
-    const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, all), false};
+    const struct take_view_image *image = page->image;
+    const struct figure_view view = {image->lens, image->world_from_camera, cover_of(&image->lens, all), false};
     const struct figure body = {FIGURE_BODY, page->person, NULL, false, 0},
                         limbs = {FIGURE_LIMBS, page->person, page->verdicts, false, 0},
                         ghost = {FIGURE_GHOST, page->ghost, NULL, false, 0};
-    compositor_draw(b, all, p, s);
-    if (room) // the person is in p->overlay, hidden by what stands before it
+    compositor_draw(brush, all, image, state);
+    if (room) // the person is in image->overlay, hidden by what stands before it
         return;
-    ui_clip(b->ui, all);
+    ui_clip(brush->ui, all);
     if (page->person)
-        figure_draw(b, &view, &body);
+        figure_draw(brush, &view, &body);
     if (page->ghost)
-        figure_draw(b, &view, &ghost);
+        figure_draw(brush, &view, &ghost);
     if (page->person && page->verdicts) // the verdicts' colours stay as they are
-        figure_draw(b, &view, &limbs);
-    ui_unclip(b->ui);
+        figure_draw(brush, &view, &limbs);
+    ui_unclip(brush->ui);
 }
 
 // ---------------------------------------------------------------- what is said
 
-static void draw_count(const struct brush *b, const struct live_state *l, struct ui_box free)
+static void draw_count(const struct brush *brush, const struct live_state *state, struct ui_box free)
 {
     char text[8];
-    const int count = live_state_count(l);
+    const int count = live_state_count(state);
     if (!count)
         return;
     snprintf(text, sizeof text, "%d", count);
     const struct ui_point m = middle(free);
     const double radius = fmin(COUNT_DP, free.h / 2), line = 1.2 * radius;
-    ui_disc(b->ui, m, radius, b->theme->glass);
-    ui_ring(b->ui, m, radius, 6, b->theme->accent);
-    const struct ui_point size = ui_text_extent(b->ui, FACE_COUNT_IN, line, text, 2 * radius);
-    ui_text_sized(b->ui, FACE_COUNT_IN, line, (struct ui_box){m.x - size.x / 2, m.y - size.y / 2, size.x + 1, size.y},
-                  b->theme->text, text);
+    ui_disc(brush->ui, m, radius, brush->theme->glass);
+    ui_ring(brush->ui, m, radius, 6, brush->theme->accent);
+    const struct ui_point size = ui_text_extent(brush->ui, FACE_COUNT_IN, line, text, 2 * radius);
+    ui_text_sized(brush->ui, FACE_COUNT_IN, line,
+                  (struct ui_box){m.x - size.x / 2, m.y - size.y / 2, size.x + 1, size.y}, brush->theme->text, text);
 }
 
 // said: what the legend stands above where it would be covered.
-static void draw_legend(const struct brush *b, struct ui_box under, struct ui_box said)
+static void draw_legend(const struct brush *brush, struct ui_box under, struct ui_box said)
 {
     static const struct {
         enum verdict verdict;
@@ -100,11 +100,11 @@ static void draw_legend(const struct brush *b, struct ui_box under, struct ui_bo
                                                ? fmin(said.y, under.y + under.h)
                                                : under.y + under.h;
     const struct ui_box box = {under.x, bottom - GAP - h, LEGEND_W, h};
-    ui_fill(b->ui, box, ROUND, b->theme->glass);
+    ui_fill(brush->ui, box, ROUND, brush->theme->glass);
     for (int i = 0; i < 3; i++) {
         const double y = box.y + 12 + 30 * i + 15;
-        verdict_line(b, (struct ui_point){box.x + 20, y}, (struct ui_point){box.x + 62, y}, 9, rows[i].verdict);
-        label(b, FACE_SMALL, (struct ui_box){box.x + 80, y - 15, box.w - 90, 30}, b->theme->text, rows[i].text);
+        verdict_line(brush, (struct ui_point){box.x + 20, y}, (struct ui_point){box.x + 62, y}, 9, rows[i].verdict);
+        label(brush, FACE_SMALL, (struct ui_box){box.x + 80, y - 15, box.w - 90, 30}, brush->theme->text, rows[i].text);
     }
 }
 
@@ -112,8 +112,8 @@ static void draw_legend(const struct brush *b, struct ui_box under, struct ui_bo
 
 // One cue at a time, for who stands three metres away: as large as the screen allows, up to capitals of 9 mm, which are
 // 10 minutes of arc there; half of normal sight (20/40) reads these. A sign and words say it, the colour only as well.
-static const double CUE_LINE = 94, CUE_LEAST = 40, CUE_SIGN = 1.1; // dp, of a line; the sign's width, in lines
-static const int64_t CUE_NS = 1500000000;                          // how long a cue stays, so that it can be read
+static const double CUE_LINE = 94, CUE_MIN = 40, CUE_SIGN = 1.1; // dp, of a line; the sign's width, in lines
+static const int64_t CUE_NS = 1500000000;                        // how long a cue stays, so that it can be read
 
 // Which part is spoken of: 1 more than its number, 0: all is right.
 static int cue_part(const struct live_page *page)
@@ -151,11 +151,11 @@ static void cue_text(const struct screens *screens, const struct live_page *page
 }
 
 // The largest line that lets the text stand in the box, in two lines at most.
-static double cue_line(const struct brush *b, const char *text, struct ui_box box)
+static double cue_line(const struct brush *brush, const char *text, struct ui_box box)
 {
     double line = CUE_LINE;
-    for (; line > CUE_LEAST; line -= 2) {
-        const struct ui_point size = ui_text_extent(b->ui, FACE_CUE, line, text, box.w - (CUE_SIGN + 0.5) * line);
+    for (; line > CUE_MIN; line -= 2) {
+        const struct ui_point size = ui_text_extent(brush->ui, FACE_CUE, line, text, box.w - (CUE_SIGN + 0.5) * line);
         if (size.x <= box.w - (CUE_SIGN + 0.5) * line && size.y < 2.5 * line && size.y <= box.h)
             break;
     }
@@ -163,8 +163,8 @@ static double cue_line(const struct brush *b, const char *text, struct ui_box bo
 }
 
 // said: where both have no room there is no cue.
-static void draw_cue(const struct brush *b, struct screens *screens, const struct live_page *page, struct ui_box free,
-                     struct ui_box said, int64_t now_ns)
+static void draw_cue(const struct brush *brush, struct screens *screens, const struct live_page *page,
+                     struct ui_box free, struct ui_box said, int64_t now_ns)
 {
     char text[60];
     if (!page->verdicts || !page->parts) {
@@ -174,64 +174,66 @@ static void draw_cue(const struct brush *b, struct screens *screens, const struc
     choose_cue(screens, page, now_ns);
     cue_text(screens, page, text, sizeof text);
     const bool right = screens->cue == 0;
-    const uint32_t color = right ? b->theme->right : b->theme->wrong;
-    const double line = cue_line(b, text, (struct ui_box){0, 0, free.w, 0.5 * free.h});
-    const struct ui_point size = ui_text_extent(b->ui, FACE_CUE, line, text, free.w - (CUE_SIGN + 0.5) * line);
+    const uint32_t color = right ? brush->theme->right : brush->theme->wrong;
+    const double line = cue_line(brush, text, (struct ui_box){0, 0, free.w, 0.5 * free.h});
+    const struct ui_point size = ui_text_extent(brush->ui, FACE_CUE, line, text, free.w - (CUE_SIGN + 0.5) * line);
     const double w = size.x + (CUE_SIGN + 0.5) * line;
     const struct ui_box box = {free.x + (free.w - w) / 2, free.y, w, size.y};
     if (said.w > 0 && said.y < box.y + box.h)
         return;
-    ui_fill(b->ui, box, ROUND, b->theme->surface);
-    ui_border(b->ui, box, ROUND, right ? 2 : 6, color);
-    icon_draw(b->ui, right ? ICON_CHECK : ICON_WARNING, (struct ui_point){box.x + 0.75 * line, box.y + box.h / 2},
+    ui_fill(brush->ui, box, ROUND, brush->theme->surface);
+    ui_border(brush->ui, box, ROUND, right ? 2 : 6, color);
+    icon_draw(brush->ui, right ? ICON_CHECK : ICON_WARNING, (struct ui_point){box.x + 0.75 * line, box.y + box.h / 2},
               0.8 * line, color);
-    ui_text_sized(b->ui, FACE_CUE, line, (struct ui_box){box.x + (CUE_SIGN + 0.2) * line, box.y, size.x + 1, size.y},
-                  b->theme->text, text);
+    ui_text_sized(brush->ui, FACE_CUE, line,
+                  (struct ui_box){box.x + (CUE_SIGN + 0.2) * line, box.y, size.x + 1, size.y}, brush->theme->text,
+                  text);
 }
 
 // ---------------------------------------------------------------- controls
 
 // Where the actor is in the take, the person, and the marked part.
-static void time_line(const struct brush *b, const struct live_state *l, const struct live_page *page,
+static void time_line(const struct brush *brush, const struct live_state *state, const struct live_page *page,
                       struct ui_box row)
 {
-    const struct theme *t = b->theme;
-    const double length = (double)(l->length_ns > 0 ? l->length_ns : 1), y = row.y + row.h / 2;
-    const double width = label_time_width(b, l->length_ns);
+    const struct theme *t = brush->theme;
+    const double length = (double)(state->length_ns > 0 ? state->length_ns : 1), y = row.y + row.h / 2;
+    const double width = label_time_width(brush, state->length_ns);
     struct ui_box before = cut_left(&row, width + 8), behind = cut_right(&row, width);
     row.w -= 8;
-    label_time(b, (struct ui_point){before.x, y - 9}, t->text, l->at_ns);
-    label_time(b, (struct ui_point){behind.x, y - 9}, t->quiet, l->length_ns);
-    const double from = row.x + row.w * (double)l->marked_from_ns / length,
-                 to = row.x + row.w * (double)l->marked_to_ns / length, at = row.x + row.w * (double)l->at_ns / length;
-    ui_fill(b->ui, (struct ui_box){row.x, y - 3, row.w, 6}, 3, faint(t->text, 0.14));
-    ui_fill(b->ui, (struct ui_box){from, y - 5, fmax(6, to - from), 10}, 5, faint(t->accent, 0.35));
-    ui_fill(b->ui, (struct ui_box){from, y - 5, fmax(0, at - from), 10}, 5, t->accent);
-    ui_disc(b->ui, (struct ui_point){at, y}, 11, t->accent);
+    label_time(brush, (struct ui_point){before.x, y - 9}, t->text, state->at_ns);
+    label_time(brush, (struct ui_point){behind.x, y - 9}, t->quiet, state->length_ns);
+    const double from = row.x + row.w * (double)state->marked_from_ns / length,
+                 to = row.x + row.w * (double)state->marked_to_ns / length,
+                 at = row.x + row.w * (double)state->at_ns / length;
+    ui_fill(brush->ui, (struct ui_box){row.x, y - 3, row.w, 6}, 3, faint(t->text, 0.14));
+    ui_fill(brush->ui, (struct ui_box){from, y - 5, fmax(6, to - from), 10}, 5, faint(t->accent, 0.35));
+    ui_fill(brush->ui, (struct ui_box){from, y - 5, fmax(0, at - from), 10}, 5, t->accent);
+    ui_disc(brush->ui, (struct ui_point){at, y}, 11, t->accent);
     if (page->person_ns >= 0 && page->verdicts) {
         const double person = row.x + row.w * fmin(1, (double)page->person_ns / length);
-        ui_disc(b->ui, (struct ui_point){person, y}, 8, t->text);
-        ui_disc(b->ui, (struct ui_point){person, y}, 5, t->surface);
+        ui_disc(brush->ui, (struct ui_point){person, y}, 8, t->text);
+        ui_disc(brush->ui, (struct ui_point){person, y}, 5, t->surface);
     }
 }
 
-static const char *start_text(const struct live_state *l)
+static const char *start_text(const struct live_state *state)
 {
-    if (l->phase == LIVE_READY)
+    if (state->phase == LIVE_READY)
         return "Start";
-    return l->phase == LIVE_DOING ? "Stop" : "Wait";
+    return state->phase == LIVE_DOING ? "Stop" : "Wait";
 }
 
 // What every screen has room for, and all else where there is.
-static void controls(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box box,
-                     int64_t now_ns)
+static void draw_controls(const struct brush *brush, struct view_state *state, const struct live_page *page,
+                          struct ui_box box, int64_t now_ns)
 {
-    const struct live_state *l = &s->live;
+    const struct live_state *l = &state->live;
     char tempo[16];
     snprintf(tempo, sizeof tempo, "%g×", l->tempo);
     struct control marks[2];
     const int mark_count = live_mark_controls(l, marks);
-    const enum button_kind sheet = s->sheet == SHEET_LIVE ? BUTTON_ON : BUTTON_RAISED;
+    const enum button_kind sheet = state->sheet == SHEET_LIVE ? BUTTON_ON : BUTTON_RAISED;
     const struct control always[] = {
         {"live-start", start_text(l), BUTTON_MAIN, DO_PLAY_PAUSE},
         {"live-slower", "−", BUTTON_RAISED, DO_SLOWER},
@@ -247,12 +249,12 @@ static void controls(const struct brush *b, struct view_state *s, const struct l
     };
     enum { ALWAYS = COUNT_OF(always) };
     struct control shown[ALWAYS + COUNT_OF(marks) + COUNT_OF(in_sheet)];
-    const double width = ui_width(b->ui), height = ui_height(b->ui);
+    const double width = ui_width(brush->ui), height = ui_height(brush->ui);
     const enum live_marks place = layout_live_marks(width, height);
     struct ui_box in = inner(box, 12);
     int count = 0;
-    panel(b, box, true);
-    time_line(b, l, page, cut_top(&in, LIVE_ROW));
+    panel(brush, box, true);
+    time_line(brush, l, page, cut_top(&in, LIVE_ROW));
     for (int i = 0; i < ALWAYS - 1; i++)
         shown[count++] = always[i];
     for (int i = 0; i < mark_count && place == MARKS_AMONG_BUTTONS; i++)
@@ -260,74 +262,74 @@ static void controls(const struct brush *b, struct view_state *s, const struct l
     shown[count++] = always[ALWAYS - 1];
     for (int i = 0; i < (int)COUNT_OF(in_sheet) && layout_live_one_row(width, height); i++)
         shown[count++] = in_sheet[i];
-    const int mark = place == MARKS_IN_A_ROW ? controls_draw(b, marks, mark_count, cut_bottom(&in, LIVE_ROW)) : -1,
-              done = controls_draw(b, shown, count, in);
+    const int mark = place == MARKS_IN_A_ROW ? controls_draw(brush, marks, mark_count, cut_bottom(&in, LIVE_ROW)) : -1,
+              done = controls_draw(brush, shown, count, in);
     if (done > DO_NOTHING || mark >= 0)
-        view_state_do(s, (enum view_action)(mark >= 0 ? mark : done), now_ns);
-    (void)ui_area(b->ui, "live-panel", box);
+        view_state_do(state, (enum view_action)(mark >= 0 ? mark : done), now_ns);
+    (void)ui_area(brush->ui, "live-panel", box);
 }
 
-static const double ROOM_FOR_THEME = 420, LEAST_NAME = 110; // dp
+static const double ROOM_FOR_THEME = 420, MIN_NAME = 110; // dp
 
-static void top_row(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box row,
-                    int64_t now_ns)
+static void top_row(const struct brush *brush, struct view_state *state, const struct live_page *page,
+                    struct ui_box row, int64_t now_ns)
 {
     static const char *const names[LIVE_SCREENS] = {"Mirror", "Beside", "Room"};
-    const struct theme *t = b->theme;
-    const bool back = s->take_count > 1 || s->live.phase != LIVE_READY;
-    if (icon_button(b, "live-back", (struct icon_words){back ? ICON_BACK : ICON_CLOSE, back ? "Back" : "Close"},
+    const struct theme *t = brush->theme;
+    const bool back = state->take_count > 1 || state->live.phase != LIVE_READY;
+    if (icon_button(brush, "live-back", (struct icon_words){back ? ICON_BACK : ICON_CLOSE, back ? "Back" : "Close"},
                     BUTTON_GLASS, cut_left(&row, TARGET)))
-        view_state_do(s, DO_BACK, now_ns);
+        view_state_do(state, DO_BACK, now_ns);
     if (row.w > ROOM_FOR_THEME &&
-        icon_button(b, "live-theme", theme_words(s->dark), BUTTON_GLASS, cut_right(&row, TARGET)))
-        view_state_do(s, DO_THEME, now_ns);
-    for (int i = s->live.has_camera ? LIVE_ROOM : LIVE_BESIDE; i >= 0; i--) {
+        icon_button(brush, "live-theme", theme_words(state->dark), BUTTON_GLASS, cut_right(&row, TARGET)))
+        view_state_do(state, DO_THEME, now_ns);
+    for (int i = state->live.has_camera ? LIVE_ROOM : LIVE_BESIDE; i >= 0; i--) {
         char name[24];
         snprintf(name, sizeof name, "live-screen-%d", i);
-        const bool on = (int)s->live.screen == i;
+        const bool on = (int)state->live.screen == i;
         const double w = fmin(104, (row.w - 2 * GAP) / (i + 1));
-        if (text_button(b, name, names[i], on ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, w)) && !on) {
-            s->live.screen = (enum live_screen)i;
-            view_state_on_input(s, now_ns);
+        if (text_button(brush, name, names[i], on ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, w)) && !on) {
+            state->live.screen = (enum live_screen)i;
+            view_state_on_input(state, now_ns);
         }
     }
-    if (row.w < LEAST_NAME)
+    if (row.w < MIN_NAME)
         return;
     const double width =
-        fmax(ui_text_width(b->ui, FACE_STRONG, page->take), ui_text_width(b->ui, FACE_SMALL, page->file));
+        fmax(ui_text_width(brush->ui, FACE_STRONG, page->take), ui_text_width(brush->ui, FACE_SMALL, page->file));
     const struct ui_box name = {row.x, row.y, fmin(width + 44, row.w), row.h};
-    ui_fill(b->ui, name, TARGET / 2, t->glass);
-    label(b, FACE_STRONG, (struct ui_box){name.x + 22, name.y + 8, name.w - 40, 22}, t->text, page->take);
-    label(b, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, page->file);
+    ui_fill(brush->ui, name, TARGET / 2, t->glass);
+    label(brush, FACE_STRONG, (struct ui_box){name.x + 22, name.y + 8, name.w - 40, 22}, t->text, page->take);
+    label(brush, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, page->file);
 }
 
-void screen_live(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
-                 int64_t now_ns)
+void screen_live(const struct brush *brush, struct screens *screens, struct view_state *state,
+                 const struct live_page *page, int64_t now_ns)
 {
-    const struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)}, free = layout_live_free(all.w, all.h);
-    if (s->live.screen == LIVE_MIRROR)
-        draw_mirror(b, s, page, all);
+    const struct ui_box all = {0, 0, ui_width(brush->ui), ui_height(brush->ui)}, free = layout_live_free(all.w, all.h);
+    if (state->live.screen == LIVE_MIRROR)
+        draw_mirror(brush, state, page, all);
     else
-        draw_scene(b, s, page, all, s->live.screen == LIVE_ROOM);
+        draw_scene(brush, state, page, all, state->live.screen == LIVE_ROOM);
     const struct ui_box panel_at = layout_live_panel(all.w, all.h);
-    if (s->sheet == SHEET_LIVE) { // over all others: touched first
-        ui_layer(b->ui, 2);
-        panels_draw(b, screens, s, layout_live_sheet(all.w, all.h), now_ns);
-        ui_layer(b->ui, 0);
-        screens->image_held = ui_area(b->ui, "image", all).held;
+    if (state->sheet == SHEET_LIVE) { // over all others: touched first
+        ui_layer(brush->ui, 2);
+        panels_draw(brush, screens, state, layout_live_sheet(all.w, all.h), now_ns);
+        ui_layer(brush->ui, 0);
+        screens->image_held = ui_area(brush->ui, "image", all).held;
         return;
     }
-    ui_layer(b->ui, 1);
+    ui_layer(brush->ui, 1);
     const double under_top = MARGIN + TARGET + GAP;
     const struct ui_box under = {free.x, under_top, free.w, panel_at.y - GAP - under_top};
-    const bool legend = under.h > LEGEND_LEAST && under.w > LEGEND_LEAST;
-    const struct ui_box said = screen_message_box(b, s);
-    draw_cue(b, screens, page, under, said, now_ns);
+    const bool legend = under.h > LEGEND_MIN && under.w > LEGEND_MIN;
+    const struct ui_box said = screen_message_box(brush, state);
+    draw_cue(brush, screens, page, under, said, now_ns);
     if (legend)
-        draw_legend(b, under, said);
-    draw_count(b, &s->live, under);
-    top_row(b, s, page, (struct ui_box){MARGIN, MARGIN, all.w - 2 * MARGIN, TARGET}, now_ns);
-    controls(b, s, page, panel_at, now_ns);
-    ui_layer(b->ui, 0);
-    screens->image_held = ui_area(b->ui, "image", all).held;
+        draw_legend(brush, under, said);
+    draw_count(brush, &state->live, under);
+    top_row(brush, state, page, (struct ui_box){MARGIN, MARGIN, all.w - 2 * MARGIN, TARGET}, now_ns);
+    draw_controls(brush, state, page, panel_at, now_ns);
+    ui_layer(brush->ui, 0);
+    screens->image_held = ui_area(brush->ui, "image", all).held;
 }

@@ -26,12 +26,12 @@ struct live_page {
     const enum verdict *review_verdicts;        // [PART_COUNT] at that instant; NULL
     const char *keeping;                        // a sentence on the attempt that was kept; NULL
 };
-void screen_live(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
-                 int64_t now_ns);
+void screen_live(const struct brush *brush, struct screens *screens, struct view_state *state,
+                 const struct live_page *page, int64_t now_ns);
 
 // Of the summary: where the reviewed figures are drawn.
 struct ui_box screen_summary_figures(double width, double height);
 // The moment of the attempt at which the finding is seen best, its middle; of a missing piece, where it should begin.
-int64_t finding_moment_ns(const struct comparison *c, const struct finding *f);
-void screen_summary(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
-                    int64_t now_ns);
+int64_t finding_moment_ns(const struct comparison *comparison, const struct finding *finding);
+void screen_summary(const struct brush *brush, struct screens *screens, struct view_state *state,
+                    const struct live_page *page, int64_t now_ns);

@@ -1,7 +1,6 @@
 // The summary after an attempt: score, findings, a strip over time where each part differed, the place that was
 // touched, and the attempts of this sitting.
 #include "app/ui/screen_live.h"
-
 #include "base/clamp.h"
 #include "compare/findings.h"
 
@@ -9,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double HEAD_H = TARGET, SCORE_R = 62, LEAST_PROGRESS = 150, STRIP_ROW = 20, STRIP_NAME = 150, ROW_GAP = 2;
+static const double HEAD_H = TARGET, SCORE_R = 62, MIN_PROGRESS = 150, STRIP_ROW = 20, STRIP_NAME = 150, ROW_GAP = 2;
 
 struct summary_layout {
     struct ui_box head, score, findings, figures, strip, buttons;
@@ -21,7 +20,7 @@ static const double SCORE_H = 2 * 62 + 30, HIGH = 640, UPRIGHT_HIGH = 1000, LOW 
 
 // Between head and buttons: the strip below, and beside or over one another score, figures and findings. What is lower
 // has a strip of one row, then head and buttons in one.
-static struct summary_layout layout(double width, double height)
+static struct summary_layout compute_layout(double width, double height)
 {
     const bool wide = width >= height;
     struct summary_layout l = {.merged = wide && height < HIGH && width >= 600,
@@ -55,86 +54,86 @@ static struct summary_layout layout(double width, double height)
     return l;
 }
 
-struct ui_box screen_summary_figures(double width, double height) { return layout(width, height).figures; }
+struct ui_box screen_summary_figures(double width, double height) { return compute_layout(width, height).figures; }
 
 double screen_summary_bottom(double width, double height)
 {
-    const struct ui_box strip = layout(width, height).strip;
+    const struct ui_box strip = compute_layout(width, height).strip;
     return strip.y + strip.h;
 }
 
 // ---------------------------------------------------------------- score and progress
 
-static uint32_t score_color(const struct theme *t, double score)
+static uint32_t score_color(const struct theme *theme, double score)
 {
     if (score >= 70)
-        return t->right;
-    return score >= 45 ? t->warn : t->wrong;
+        return theme->right;
+    return score >= 45 ? theme->warn : theme->wrong;
 }
 
-static void draw_arc(const struct brush *b, struct ui_point m, double radius, double share, uint32_t color)
+static void draw_arc(const struct brush *brush, struct ui_point point, double radius, double share, uint32_t color)
 {
     enum { POINTS = 64 };
     struct ui_point at[POINTS + 1];
     const int count = (int)lround(POINTS * fmin(fmax(share, 0.01), 1));
     for (int i = 0; i <= count; i++) {
         const double a = 2 * 3.14159265358979323846 * i / POINTS;
-        at[i] = (struct ui_point){m.x + radius * sin(a), m.y - radius * cos(a)};
+        at[i] = (struct ui_point){point.x + radius * sin(a), point.y - radius * cos(a)};
     }
-    ui_stroke(b->ui, at, count + 1, false, 12, color);
+    ui_stroke(brush->ui, at, count + 1, false, 12, color);
 }
 
 // The scores of this sitting's attempts, the newest at the right.
-static void draw_progress(const struct brush *b, const struct live_state *l, struct ui_box box)
+static void draw_progress(const struct brush *brush, const struct live_state *state, struct ui_box box)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     enum { MOST = 12 };
-    const bool first = l->result_count < 2;
-    const int count = l->result_count < MOST ? l->result_count : MOST;
-    const double bar = fmin(28, (box.w + GAP) / MOST - GAP), most = box.h - 26;
+    const bool first = state->result_count < 2;
+    const int count = state->result_count < MOST ? state->result_count : MOST;
+    const double bar = fmin(28, (box.w + GAP) / MOST - GAP), max = box.h - 26;
     for (int i = 0; i < count; i++) {
-        const struct live_result *r = &l->results[l->result_count - count + i];
-        const double h = r->compared ? fmax(4, most * r->score / 100) : 4;
-        const struct ui_box at = {box.x + i * (bar + GAP), box.y + most - h, bar, h};
+        const struct live_result *r = &state->results[state->result_count - count + i];
+        const double h = r->compared ? fmax(4, max * r->score / 100) : 4;
+        const struct ui_box at = {box.x + i * (bar + GAP), box.y + max - h, bar, h};
         const double opacity = i == count - 1 ? 1 : 0.45; // the newest stands out
-        ui_fill(b->ui, at, 5, r->compared ? faint(score_color(t, r->score), opacity) : faint(t->text, 0.2));
+        ui_fill(brush->ui, at, 5, r->compared ? faint(score_color(t, r->score), opacity) : faint(t->text, 0.2));
     }
     const char *text = !first ? "Attempts of today" : "The first attempt";
-    label(b, FACE_SMALL, (struct ui_box){box.x, box.y + box.h - 22, box.w, 22}, t->quiet, text);
+    label(brush, FACE_SMALL, (struct ui_box){box.x, box.y + box.h - 22, box.w, 22}, t->quiet, text);
 }
 
-static void draw_score(const struct brush *b, const struct live_state *l, const struct live_page *page,
+static void draw_score(const struct brush *brush, const struct live_state *state, const struct live_page *page,
                        struct ui_box box)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     char text[64];
-    const struct live_result *r = l->result_count ? &l->results[l->result_count - 1] : NULL;
-    panel(b, box, false);
+    const struct live_result *r = state->result_count ? &state->results[state->result_count - 1] : NULL;
+    panel(brush, box, false);
     struct ui_box in = inner(box, 15), ring = cut_left(&in, 2 * SCORE_R + 8);
     const struct ui_point m = {ring.x + SCORE_R, ring.y + SCORE_R};
-    ui_ring(b->ui, m, SCORE_R - 8, 12, faint(t->text, 0.12));
+    ui_ring(brush->ui, m, SCORE_R - 8, 12, faint(t->text, 0.12));
     const bool known = page->comparison && r;
     if (known)
-        draw_arc(b, m, SCORE_R - 8, r->score / 100, score_color(t, r->score));
+        draw_arc(brush, m, SCORE_R - 8, r->score / 100, score_color(t, r->score));
     snprintf(text, sizeof text, known ? "%.0f" : "–", known ? r->score : 0);
-    label_centred(b, FACE_TITLE, (struct ui_box){m.x - SCORE_R, m.y - 30, 2 * SCORE_R, 44}, t->text, text);
-    label_centred(b, FACE_SMALL, (struct ui_box){m.x - SCORE_R, m.y + 14, 2 * SCORE_R, 22}, t->quiet, "of 100");
+    label_centred(brush, FACE_TITLE, (struct ui_box){m.x - SCORE_R, m.y - 30, 2 * SCORE_R, 44}, t->text, text);
+    label_centred(brush, FACE_SMALL, (struct ui_box){m.x - SCORE_R, m.y + 14, 2 * SCORE_R, 22}, t->quiet, "of 100");
     cut_left(&in, 8);
-    if (in.w > LEAST_PROGRESS)
-        draw_progress(b, l, in);
+    if (in.w > MIN_PROGRESS)
+        draw_progress(brush, state, in);
 }
 
 // ---------------------------------------------------------------- findings
 
-int64_t finding_moment_ns(const struct comparison *c, const struct finding *f)
+int64_t finding_moment_ns(const struct comparison *comparison, const struct finding *finding)
 {
-    if (f->kind != FINDING_MISSING)
-        return (int64_t)(1e9 * finding_worst_s(c, f));
-    const int32_t wanted = (int32_t)(f->from_s * MOVEMENT_RATE_HZ); // in the reference's time
+    if (finding->kind != FINDING_MISSING)
+        return (int64_t)(1e9 * finding_worst_s(comparison, finding));
+    const int32_t wanted = (int32_t)(finding->from_s * MOVEMENT_RATE_HZ); // in the reference's time
     int32_t at = 0;
-    while (at + 1 < c->alignment.count && c->alignment.pairs[at].a < wanted)
+    while (at + 1 < comparison->alignment.count && comparison->alignment.pairs[at].a < wanted)
         at++;
-    return c->alignment.count ? (int64_t)(1e9 * c->alignment.pairs[at].b / MOVEMENT_RATE_HZ) : 0;
+    return comparison->alignment.count ? (int64_t)(1e9 * comparison->alignment.pairs[at].b / MOVEMENT_RATE_HZ) : 0;
 }
 
 static const struct finding *chosen_finding(const struct screens *screens, const struct live_page *page)
@@ -151,54 +150,55 @@ static int chosen_part(const struct screens *screens, const struct live_page *pa
     return f ? part_by_name(f->part) : -1;
 }
 
-static double row_height(const struct brush *b, const struct finding *f, double width)
+static double row_height(const struct brush *brush, const struct finding *finding, double width)
 {
-    return fmax(TARGET, ui_text_height(b->ui, FACE_BODY, f->sentence, width - 46) + 14);
+    return fmax(TARGET, ui_text_height(brush->ui, FACE_BODY, finding->sentence, width - 46) + 14);
 }
 
-static void finding_row(const struct brush *b, const struct finding *f, bool chosen, struct ui_box row)
+static void finding_row(const struct brush *brush, const struct finding *finding, bool chosen, struct ui_box row)
 {
-    const struct theme *t = b->theme;
-    const double h = ui_text_height(b->ui, FACE_BODY, f->sentence, row.w - 46);
-    const bool posture = f->kind == FINDING_POSTURE || f->kind == FINDING_RANGE || f->kind == FINDING_MIRRORED;
+    const struct theme *t = brush->theme;
+    const double h = ui_text_height(brush->ui, FACE_BODY, finding->sentence, row.w - 46);
+    const bool posture =
+        finding->kind == FINDING_POSTURE || finding->kind == FINDING_RANGE || finding->kind == FINDING_MIRRORED;
     if (chosen)
-        ui_fill(b->ui, row, 12, faint(t->accent, 0.2));
+        ui_fill(brush->ui, row, 12, faint(t->accent, 0.2));
     // What is held differently is a disc, what is early, late or missing a ring: not by colour alone.
     const struct ui_point m = {row.x + 16, row.y + row.h / 2};
     if (posture)
-        ui_disc(b->ui, m, 7, t->wrong);
+        ui_disc(brush->ui, m, 7, t->wrong);
     else
-        ui_ring(b->ui, m, 6, 3, t->warn);
-    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){row.x + 34, row.y + (row.h - h) / 2}, row.w - 45, t->text,
-                  f->sentence);
+        ui_ring(brush->ui, m, 6, 3, t->warn);
+    ui_text_lines(brush->ui, FACE_BODY, (struct ui_point){row.x + 34, row.y + (row.h - h) / 2}, row.w - 45, t->text,
+                  finding->sentence);
 }
 
 // Keys go through the list.
-static void step_finding(struct screens *screens, struct view_state *s, const struct comparison *c)
+static void step_finding(struct screens *screens, struct view_state *state, const struct comparison *comparison)
 {
-    if (!s->list_steps)
+    if (!state->list_steps)
         return;
-    const int to = screens->finding + s->list_steps;
-    s->list_steps = 0;
-    screens->finding = clamp_int(to, 1, c->finding_count);
-    live_state_review(&s->live, finding_moment_ns(c, &c->findings[screens->finding - 1]));
+    const int to = screens->finding + state->list_steps;
+    state->list_steps = 0;
+    screens->finding = clamp_int(to, 1, comparison->finding_count);
+    live_state_review(&state->live, finding_moment_ns(comparison, &comparison->findings[screens->finding - 1]));
 }
 
-static void list_findings(const struct brush *b, struct screens *screens, struct view_state *s,
-                          const struct comparison *c, struct ui_box in)
+static void list_findings(const struct brush *brush, struct screens *screens, struct view_state *state,
+                          const struct comparison *comparison, struct ui_box in)
 {
     double content_h = 0;
     const int before = screens->finding;
-    for (int32_t i = 0; i < c->finding_count; i++)
-        content_h += row_height(b, &c->findings[i], in.w);
-    step_finding(screens, s, c);
+    for (int32_t i = 0; i < comparison->finding_count; i++)
+        content_h += row_height(brush, &comparison->findings[i], in.w);
+    step_finding(screens, state, comparison);
     struct scroll *scroll = &screens->findings;
-    const struct brush inside = scroll_begin(b, scroll, &in, content_h);
+    const struct brush inside = scroll_begin(brush, scroll, &in, content_h);
     double y = 0;
     int more = 0;
-    for (int32_t i = 0; i < c->finding_count; i++) {
+    for (int32_t i = 0; i < comparison->finding_count; i++) {
         char name[32];
-        const double h = row_height(b, &c->findings[i], in.w);
+        const double h = row_height(brush, &comparison->findings[i], in.w);
         if (screens->finding == i + 1 && screens->finding != before)
             scroll_show(scroll, y, h);
         const struct ui_box row = {in.x, in.y + y - scroll->at, in.w, h};
@@ -209,29 +209,29 @@ static void list_findings(const struct brush *b, struct screens *screens, struct
         snprintf(name, sizeof name, "finding-%d", (int)i);
         if (touch_area(&inside, name, row).tapped) {
             screens->finding = i + 1;
-            live_state_review(&s->live, finding_moment_ns(c, &c->findings[i]));
-            s->changed = true;
+            live_state_review(&state->live, finding_moment_ns(comparison, &comparison->findings[i]));
+            state->changed = true;
         }
-        finding_row(b, &c->findings[i], screens->finding == i + 1, row);
+        finding_row(brush, &comparison->findings[i], screens->finding == i + 1, row);
     }
-    scroll_end(b, scroll, more);
+    scroll_end(brush, scroll, more);
 }
 
-static void draw_findings(const struct brush *b, struct screens *screens, struct view_state *s,
+static void draw_findings(const struct brush *brush, struct screens *screens, struct view_state *state,
                           const struct live_page *page, struct ui_box box)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     const struct comparison *c = page->comparison;
-    panel(b, box, false);
+    panel(brush, box, false);
     struct ui_box in = inner(box, 14), head = cut_top(&in, 30);
     const char *none = c ? "Nothing differs that the sensor could tell" : "";
     if (page->why_not)
         none = page->why_not;
-    label(b, FACE_HEAD, head, t->text, "What differs");
+    label(brush, FACE_HEAD, head, t->text, "What differs");
     if (!c || !c->finding_count)
-        paragraph(b, FACE_BODY, in, t->quiet, none);
+        paragraph(brush, FACE_BODY, in, t->quiet, none);
     else
-        list_findings(b, screens, s, c, in);
+        list_findings(brush, screens, state, c, in);
 }
 
 // ---------------------------------------------------------------- strip
@@ -253,7 +253,7 @@ static uint8_t cell_verdict(const uint8_t cell[PART_COUNT], int part)
 
 // Cells of equal verdict as one bar: solid, or for what the sensor cannot tell a thin line. What is outside of the
 // alignment, getting into position and out of it, stays empty.
-static void strip_row(const struct brush *b, const struct live_page *page, int part, struct ui_box row)
+static void strip_row(const struct brush *brush, const struct live_page *page, int part, struct ui_box row)
 {
     for (int cell = 0, end; cell < page->strip_cells; cell = end) {
         const uint8_t v = cell_verdict(page->strip[cell], part);
@@ -264,7 +264,7 @@ static void strip_row(const struct brush *b, const struct live_page *page, int p
             continue;
         const bool thin = v == VERDICT_UNKNOWN;
         const struct ui_box at = {x, thin ? row.y + row.h / 2 - 1.5 : row.y, w, thin ? 3 : row.h};
-        ui_fill(b->ui, at, 0, faint(verdict_color(b->theme, (enum verdict)v), v == VERDICT_SAME ? 0.45 : 1));
+        ui_fill(brush->ui, at, 0, faint(verdict_color(brush->theme, (enum verdict)v), v == VERDICT_SAME ? 0.45 : 1));
     }
 }
 
@@ -275,7 +275,7 @@ static void part_words(int part, char out[40])
         *c = *c == '_' ? ' ' : *c;
 }
 
-static void part_rows(const struct brush *b, const struct live_page *page, int marked, struct ui_box names,
+static void part_rows(const struct brush *brush, const struct live_page *page, int marked, struct ui_box names,
                       struct ui_box in)
 {
     for (int p = 0; p < PART_COUNT; p++) {
@@ -283,151 +283,152 @@ static void part_rows(const struct brush *b, const struct live_page *page, int m
         const double y = in.y + p * (STRIP_ROW + ROW_GAP);
         part_words(p, name);
         if (p == marked)
-            ui_fill(b->ui, (struct ui_box){names.x - 6, y - 1, in.x + in.w - names.x + 12, STRIP_ROW + ROW_GAP}, 6,
-                    faint(b->theme->accent, 0.25));
-        label(b, p == marked ? FACE_STRONG : FACE_SMALL, (struct ui_box){names.x, y, names.w, STRIP_ROW},
-              p == marked ? b->theme->text : b->theme->quiet, name);
-        strip_row(b, page, p, (struct ui_box){in.x, y, in.w, STRIP_ROW});
+            ui_fill(brush->ui, (struct ui_box){names.x - 6, y - 1, in.x + in.w - names.x + 12, STRIP_ROW + ROW_GAP}, 6,
+                    faint(brush->theme->accent, 0.25));
+        label(brush, p == marked ? FACE_STRONG : FACE_SMALL, (struct ui_box){names.x, y, names.w, STRIP_ROW},
+              p == marked ? brush->theme->text : brush->theme->quiet, name);
+        strip_row(brush, page, p, (struct ui_box){in.x, y, in.w, STRIP_ROW});
     }
 }
 
 // Round the time of the chosen finding, on its part's row.
-static void mark_time(const struct brush *b, const struct finding *f, double length_s, struct ui_box row)
+static void mark_time(const struct brush *brush, const struct finding *finding, double length_s, struct ui_box row)
 {
-    const double from = row.w * fmin(f->from_s / length_s, 1), to = row.w * fmin(f->to_s / length_s, 1);
-    ui_border(b->ui, (struct ui_box){row.x + from - 2, row.y - 2, fmax(to - from, 4) + 4, row.h + 4}, 5, 2.5,
-              b->theme->accent);
+    const double from = row.w * fmin(finding->from_s / length_s, 1), to = row.w * fmin(finding->to_s / length_s, 1);
+    ui_border(brush->ui, (struct ui_box){row.x + from - 2, row.y - 2, fmax(to - from, 4) + 4, row.h + 4}, 5, 2.5,
+              brush->theme->accent);
 }
 
 // Beside the time, wherever that is: the chosen finding's part where it has no row of its own, and what the strip is
 // for.
-static void strip_words(const struct brush *b, int part, struct ui_box left, struct ui_box right)
+static void strip_words(const struct brush *brush, int part, struct ui_box left, struct ui_box right)
 {
     char words[40] = "Touch to play";
     const struct ui_box at = left.w > right.w ? left : right;
     if (part >= 0)
         part_words(part, words);
-    if (at.w > ui_text_width(b->ui, FACE_SMALL, words))
-        label(b, FACE_SMALL, at, part >= 0 ? b->theme->accent : b->theme->quiet, words);
+    if (at.w > ui_text_width(brush->ui, FACE_SMALL, words))
+        label(brush, FACE_SMALL, at, part >= 0 ? brush->theme->accent : brush->theme->quiet, words);
 }
 
-static void draw_strip(const struct brush *b, struct screens *screens, struct view_state *s,
+static void draw_strip(const struct brush *brush, struct screens *screens, struct view_state *state,
                        const struct live_page *page, struct ui_box box, bool one_row)
 {
-    const struct theme *t = b->theme;
-    struct live_state *l = &s->live;
-    panel(b, box, false);
+    const struct theme *t = brush->theme;
+    struct live_state *l = &state->live;
+    panel(brush, box, false);
     struct ui_box in = inner(box, 15), names = {0, 0, 0, 0};
     if (!one_row)
         names = cut_left(&in, STRIP_NAME);
     if (!page->comparison || !page->strip)
         return;
-    const struct ui_touch touch = ui_area(b->ui, "summary-strip", (struct ui_box){in.x, box.y, in.w, box.h});
+    const struct ui_touch touch = ui_area(brush->ui, "summary-strip", (struct ui_box){in.x, box.y, in.w, box.h});
     const double rows_h = one_row ? STRIP_ROW + 6 : PART_COUNT * (STRIP_ROW + ROW_GAP), bottom = in.y + rows_h;
     const struct finding *f = chosen_finding(screens, page);
     const int part = chosen_part(screens, page);
     struct ui_box marked = {in.x, in.y, in.w, rows_h - 4}; // the row of the finding's part, or all of them
     if (one_row) {
-        strip_row(b, page, part, marked);
+        strip_row(brush, page, part, marked);
     } else {
-        part_rows(b, page, part, names, in);
+        part_rows(brush, page, part, names, in);
         marked = part < 0 ? marked : (struct ui_box){in.x, in.y + part * (STRIP_ROW + ROW_GAP), in.w, STRIP_ROW};
     }
     const double length = (double)(l->review_length_ns > 0 ? l->review_length_ns : 1);
     if (f && f->kind != FINDING_MISSING) // whose times are the reference's
-        mark_time(b, f, 1e-9 * length, marked);
-    const double x = in.x + in.w * fmin(1, (double)l->review_at_ns / length), time_w = label_time_width(b, 0);
-    ui_fill(b->ui, (struct ui_box){x - 1.5, in.y - 4, 3, bottom - in.y + 4}, 1.5, t->text);
-    label_time(b, (struct ui_point){fmin(x, in.x + in.w - time_w), bottom + 2}, t->text, l->review_at_ns);
+        mark_time(brush, f, 1e-9 * length, marked);
+    const double x = in.x + in.w * fmin(1, (double)l->review_at_ns / length), time_w = label_time_width(brush, 0);
+    ui_fill(brush->ui, (struct ui_box){x - 1.5, in.y - 4, 3, bottom - in.y + 4}, 1.5, t->text);
+    label_time(brush, (struct ui_point){fmin(x, in.x + in.w - time_w), bottom + 2}, t->text, l->review_at_ns);
     const struct ui_box under = {names.x, bottom, names.w, 22}, left = {in.x, bottom, x - in.x - GAP, 22},
                         right = {x + time_w + GAP, bottom, in.x + in.w - x - time_w - GAP, 22};
-    strip_words(b, one_row ? part : -1, one_row ? left : under, one_row ? right : under);
+    strip_words(brush, one_row ? part : -1, one_row ? left : under, one_row ? right : under);
     if (touch.went_down)
         screens->finding = 0; // another moment than the finding's
     if (touch.went_down || (touch.held && !l->reviewing))
         live_state_review(l, (int64_t)(fmin(fmax(touch.x / in.w, 0), 1) * length));
-    s->changed |= touch.held;
+    state->changed |= touch.held;
 }
 
 // ---------------------------------------------------------------- figures
 
-static void draw_figures(const struct brush *b, const struct screens *screens, const struct live_page *page,
+static void draw_figures(const struct brush *brush, const struct screens *screens, const struct live_page *page,
                          struct ui_box box)
 {
-    const struct theme *t = b->theme;
-    const struct take_view_image *p = page->image;
-    const struct figure_view view = {p->lens, p->world_from_camera,
-                                     cover_of(&p->lens, (struct ui_box){0, 0, ui_width(b->ui), ui_height(b->ui)}),
-                                     false};
-    panel(b, box, false);
-    ui_clip(b->ui, box);
+    const struct theme *t = brush->theme;
+    const struct take_view_image *image = page->image;
+    const struct figure_view view = {
+        image->lens, image->world_from_camera,
+        cover_of(&image->lens, (struct ui_box){0, 0, ui_width(brush->ui), ui_height(brush->ui)}), false};
+    panel(brush, box, false);
+    ui_clip(brush->ui, box);
     const int part = chosen_part(screens, page);
     const struct figure attempt = {FIGURE_BODY, page->attempt, page->review_verdicts, false, part + 1},
                         reference = {FIGURE_BODY, page->reference, NULL, true,
                                      page->comparison ? judged_part(page->comparison, part) + 1 : 0};
     if (page->reference)
-        figure_draw(b, &view, &reference);
+        figure_draw(brush, &view, &reference);
     if (page->attempt)
-        figure_draw(b, &view, &attempt);
-    ui_unclip(b->ui);
+        figure_draw(brush, &view, &attempt);
+    ui_unclip(brush->ui);
     const struct ui_box row = {box.x, box.y + box.h - 40, box.w, 30};
     const char *actor = page->mirrored && box.w > 330 ? "the actor mirrored" : "the actor";
-    label_centred(b, FACE_SMALL, (struct ui_box){row.x, row.y, row.w / 2, row.h}, t->quiet,
+    label_centred(brush, FACE_SMALL, (struct ui_box){row.x, row.y, row.w / 2, row.h}, t->quiet,
                   box.w < 170 ? "actor" : actor);
-    label_centred(b, FACE_SMALL, (struct ui_box){row.x + row.w / 2, row.y, row.w / 2, row.h}, t->quiet, "you");
+    label_centred(brush, FACE_SMALL, (struct ui_box){row.x + row.w / 2, row.y, row.w / 2, row.h}, t->quiet, "you");
 }
 
 static const struct control summary_controls[] = {{"summary-again", "Again", BUTTON_MAIN, DO_PLAY_PAUSE},
                                                   {"summary-keep", "Keep as a take", BUTTON_RAISED, DO_KEEP}};
 
-static void draw_buttons(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box row,
-                         int64_t now_ns)
+static void draw_buttons(const struct brush *brush, struct view_state *state, const struct live_page *page,
+                         struct ui_box row, int64_t now_ns)
 {
     static const double WIDEST = 420;
     struct ui_box at = cut_left(&row, fmin(row.w, WIDEST));
-    const int done = controls_draw(b, summary_controls, (int)COUNT_OF(summary_controls), at);
+    const int done = controls_draw(brush, summary_controls, (int)COUNT_OF(summary_controls), at);
     if (done >= 0)
-        view_state_do(s, (enum view_action)done, now_ns);
+        view_state_do(state, (enum view_action)done, now_ns);
     if (page->keeping && row.w > 100)
-        paragraph(b, FACE_SMALL, (struct ui_box){row.x + 8, row.y + 8, row.w - 8, row.h - 8}, b->theme->quiet,
+        paragraph(brush, FACE_SMALL, (struct ui_box){row.x + 8, row.y + 8, row.w - 8, row.h - 8}, brush->theme->quiet,
                   page->keeping);
 }
 
-static void draw_head(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box head,
-                      bool merged, int64_t now_ns)
+static void draw_head(const struct brush *brush, struct view_state *state, const struct live_page *page,
+                      struct ui_box head, bool merged, int64_t now_ns)
 {
     char title[64];
-    if (icon_button(b, "summary-back", (struct icon_words){ICON_BACK, "Back"}, BUTTON_RAISED, cut_left(&head, TARGET)))
-        view_state_do(s, DO_BACK, now_ns);
-    if (icon_button(b, "summary-theme", theme_words(s->dark), BUTTON_RAISED, cut_right(&head, TARGET)))
-        view_state_do(s, DO_THEME, now_ns);
-    const bool judged = s->live.judged == s->live.finished, room = head.w > 420 && !merged;
-    snprintf(title, sizeof title, "Attempt %d%s", s->live.results_ever,
+    if (icon_button(brush, "summary-back", (struct icon_words){ICON_BACK, "Back"}, BUTTON_RAISED,
+                    cut_left(&head, TARGET)))
+        view_state_do(state, DO_BACK, now_ns);
+    if (icon_button(brush, "summary-theme", theme_words(state->dark), BUTTON_RAISED, cut_right(&head, TARGET)))
+        view_state_do(state, DO_THEME, now_ns);
+    const bool judged = state->live.judged == state->live.finished, room = head.w > 420 && !merged;
+    snprintf(title, sizeof title, "Attempt %d%s", state->live.results_ever,
              page->mirrored && room ? ", the actor mirrored" : "");
     if (merged)
-        draw_buttons(b, s, page, cut_right(&head, 330), now_ns);
+        draw_buttons(brush, state, page, cut_right(&head, 330), now_ns);
     const char *judging = room ? "Judging the attempt" : "Judging";
-    label(b, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w - 8, head.h}, b->theme->text,
+    label(brush, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w - 8, head.h}, brush->theme->text,
           judged ? title : judging);
 }
 
-void screen_summary(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
-                    int64_t now_ns)
+void screen_summary(const struct brush *brush, struct screens *screens, struct view_state *state,
+                    const struct live_page *page, int64_t now_ns)
 {
-    const struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)};
-    const struct summary_layout l = layout(all.w, all.h);
-    ui_fill(b->ui, all, 0, b->theme->ground);
-    if (screens->summary != s->live.judged) { // another attempt's findings
-        screens->summary = s->live.judged;
+    const struct ui_box all = {0, 0, ui_width(brush->ui), ui_height(brush->ui)};
+    const struct summary_layout l = compute_layout(all.w, all.h);
+    ui_fill(brush->ui, all, 0, brush->theme->ground);
+    if (screens->summary != state->live.judged) { // another attempt's findings
+        screens->summary = state->live.judged;
         screens->finding = page->comparison && page->comparison->finding_count; // whose moment it opens at
         screens->findings = (struct scroll){0};
     }
-    draw_head(b, s, page, l.head, l.merged, now_ns);
-    draw_score(b, &s->live, page, l.score);
-    draw_figures(b, screens, page, l.figures);
-    draw_findings(b, screens, s, page, l.findings);
-    draw_strip(b, screens, s, page, l.strip, l.one_row);
+    draw_head(brush, state, page, l.head, l.merged, now_ns);
+    draw_score(brush, &state->live, page, l.score);
+    draw_figures(brush, screens, page, l.figures);
+    draw_findings(brush, screens, state, page, l.findings);
+    draw_strip(brush, screens, state, page, l.strip, l.one_row);
     if (!l.merged)
-        draw_buttons(b, s, page, l.buttons, now_ns);
-    screens->image_held = ui_area(b->ui, "image", all).held;
+        draw_buttons(brush, state, page, l.buttons, now_ns);
+    screens->image_held = ui_area(brush->ui, "image", all).held;
 }

@@ -8,38 +8,39 @@ static const double PI = 3.14159265358979323846;
 
 // ---------------------------------------------------------------- bottom panel
 
-static void time_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
+static void time_row(const struct brush *brush, struct view_state *state, struct ui_box row, int64_t now_ns)
 {
-    const struct theme *t = b->theme;
-    int64_t at = playback_at(&s->playback, now_ns), length = s->playback.length_ns;
-    double label_w = label_time_width(b, length), y = row.y + row.h / 2 - 9;
+    const struct theme *t = brush->theme;
+    int64_t at = playback_at(&state->playback, now_ns), length = state->playback.length_ns;
+    double label_w = label_time_width(brush, length), y = row.y + row.h / 2 - 9;
     struct ui_box before = cut_left(&row, label_w), behind = cut_right(&row, label_w);
-    label_time(b, (struct ui_point){before.x, y}, t->text, at);
-    label_time(b, (struct ui_point){behind.x, y}, t->quiet, length);
-    struct slide slide = slider(b, "timeline", length > 0 ? (double)at / (double)length : 0, row);
-    view_state_scrub(s, slide.held, slide.share, now_ns);
-    for (int end = 0; s->trim.offered && end < 2 && length > 0; end++) {
-        const double share = (double)(end ? s->trim.to_ns : s->trim.from_ns) / (double)length,
+    label_time(brush, (struct ui_point){before.x, y}, t->text, at);
+    label_time(brush, (struct ui_point){behind.x, y}, t->quiet, length);
+    struct slide slide = slider(brush, "timeline", length > 0 ? (double)at / (double)length : 0, row);
+    view_state_scrub(state, slide.held, slide.share, now_ns);
+    for (int end = 0; state->trim.offered && end < 2 && length > 0; end++) {
+        const double share = (double)(end ? state->trim.to_ns : state->trim.from_ns) / (double)length,
                      x = row.x + 11 + share * (row.w - 22); // as the slider's knob
-        ui_line(b->ui, (struct ui_point){x, row.y + 12}, (struct ui_point){x, row.y + row.h - 12}, 4, t->accent);
+        ui_line(brush->ui, (struct ui_point){x, row.y + 12}, (struct ui_point){x, row.y + row.h - 12}, 4, t->accent);
     }
 }
 
 // Where the ends that stay are, over the timeline; and what cuts the others off.
-static void trim_row(const struct brush *b, struct view_state *s, struct ui_box row, bool narrow, int64_t now_ns)
+static void trim_row(const struct brush *brush, struct view_state *state, struct ui_box row, bool narrow,
+                     int64_t now_ns)
 {
     char text[64];
-    const struct view_trim *t = &s->trim;
-    const bool cuts = t->from_ns > 0 || t->to_ns < s->playback.length_ns;
+    const struct view_trim *t = &state->trim;
+    const bool cuts = t->from_ns > 0 || t->to_ns < state->playback.length_ns;
     snprintf(text, sizeof text, "%.1f s to %.1f s", (double)t->from_ns * 1e-9, (double)t->to_ns * 1e-9);
     const struct ui_box words = narrow ? cut_top(&row, 20) : cut_right(&row, 130);
-    label(b, FACE_SMALL, words, cuts ? b->theme->accent : b->theme->quiet, cuts ? text : "All of it stays");
+    label(brush, FACE_SMALL, words, cuts ? brush->theme->accent : brush->theme->quiet, cuts ? text : "All of it stays");
     const struct control controls[] = {{"trim-from", "From here", BUTTON_RAISED, DO_MARK_FROM},
                                        {"trim-to", "To here", BUTTON_RAISED, DO_MARK_TO},
                                        {"trim", "Trim", BUTTON_MAIN, DO_KEEP}};
-    const int done = controls_draw(b, controls, cuts ? 3 : 2, row);
+    const int done = controls_draw(brush, controls, cuts ? 3 : 2, row);
     if (done >= 0)
-        view_state_do(s, (enum view_action)done, now_ns);
+        view_state_do(state, (enum view_action)done, now_ns);
 }
 
 struct icon_control {
@@ -49,51 +50,54 @@ struct icon_control {
     enum view_action action;
 };
 
-static void icon_row(const struct brush *b, struct view_state *s, const struct icon_control *controls, int count,
-                     struct ui_box row, int64_t now_ns)
+static void icon_row(const struct brush *brush, struct view_state *state, const struct icon_control *controls,
+                     int count, struct ui_box row, int64_t now_ns)
 {
     const double w = (row.w - (count - 1) * GAP) / count;
     for (int i = 0; i < count; i++)
-        if (icon_button(b, controls[i].name, controls[i].what, controls[i].kind, cut_left(&row, w)))
-            view_state_do(s, controls[i].action, now_ns);
+        if (icon_button(brush, controls[i].name, controls[i].what, controls[i].kind, cut_left(&row, w)))
+            view_state_do(state, controls[i].action, now_ns);
 }
 
 // Play in the middle; the others beside it, where the panel is narrow below it.
-static void button_row(const struct brush *b, struct view_state *s, struct ui_box row, bool narrow, int64_t now_ns)
+static void button_row(const struct brush *brush, struct view_state *state, struct ui_box row, bool narrow,
+                       int64_t now_ns)
 {
     char speed[16];
-    const struct playback_clock *p = &s->playback;
+    const struct playback_clock *p = &state->playback;
     static const double BESIDE = 2 * TARGET + GAP + 16; // for words a little wider than their icons
     snprintf(speed, sizeof speed, "%g×", p->speed);
     const struct icon_control left[] = {
         {"loop", {ICON_LOOP, "Repeat"}, p->loop ? BUTTON_ON : BUTTON_PLAIN, DO_LOOP},
-        {"mirror", {ICON_MIRROR, "Mirror"}, s->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN, DO_MIRROR}};
+        {"mirror", {ICON_MIRROR, "Mirror"}, state->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN, DO_MIRROR}};
     const struct icon_control right[] = {
-        {"layers", {ICON_LAYERS, "Show"}, s->sheet == SHEET_LAYERS ? BUTTON_ON : BUTTON_PLAIN, DO_LAYERS}};
+        {"layers", {ICON_LAYERS, "Show"}, state->sheet == SHEET_LAYERS ? BUTTON_ON : BUTTON_PLAIN, DO_LAYERS}};
     const double y = row.y + (PLAY - TARGET) / 2, below = row.y + PLAY + GAP;
     struct ui_box at_left = {row.x, narrow ? below : y, narrow ? row.w / 2 - GAP / 2 : BESIDE, TARGET},
                   at_right = at_left;
     at_right.x = row.x + row.w - at_right.w;
-    icon_row(b, s, left, (int)COUNT_OF(left), at_left, now_ns);
+    icon_row(brush, state, left, (int)COUNT_OF(left), at_left, now_ns);
     struct ui_box speed_box = cut_left(&at_right, (at_right.w - GAP) / 2);
-    if (text_button(b, "speed", speed, s->sheet == SHEET_SPEED ? BUTTON_ON : BUTTON_PLAIN, speed_box))
-        view_state_do(s, DO_SPEED, now_ns);
-    icon_row(b, s, right, (int)COUNT_OF(right), at_right, now_ns);
+    if (text_button(brush, "speed", speed, state->sheet == SHEET_SPEED ? BUTTON_ON : BUTTON_PLAIN, speed_box))
+        view_state_do(state, DO_SPEED, now_ns);
+    icon_row(brush, state, right, (int)COUNT_OF(right), at_right, now_ns);
     const double x = row.x + row.w / 2;
-    if (icon_button(b, "step-back", (struct icon_words){ICON_STEP_BACK, "Back"}, BUTTON_PLAIN,
+    if (icon_button(brush, "step-back", (struct icon_words){ICON_STEP_BACK, "Back"}, BUTTON_PLAIN,
                     (struct ui_box){x - PLAY / 2 - GAP - TARGET, y, TARGET, TARGET}))
-        view_state_do(s, DO_STEP_BACK, now_ns);
-    if (icon_button(b, "play", (struct icon_words){p->playing ? ICON_PAUSE : ICON_PLAY, p->playing ? "Pause" : "Play"},
+        view_state_do(state, DO_STEP_BACK, now_ns);
+    if (icon_button(brush, "play",
+                    (struct icon_words){p->playing ? ICON_PAUSE : ICON_PLAY, p->playing ? "Pause" : "Play"},
                     BUTTON_MAIN, (struct ui_box){x - PLAY / 2, row.y, PLAY, PLAY}))
-        view_state_do(s, DO_PLAY_PAUSE, now_ns);
-    if (icon_button(b, "step-on", (struct icon_words){ICON_STEP_ON, "On"}, BUTTON_PLAIN,
+        view_state_do(state, DO_PLAY_PAUSE, now_ns);
+    if (icon_button(brush, "step-on", (struct icon_words){ICON_STEP_ON, "On"}, BUTTON_PLAIN,
                     (struct ui_box){x + PLAY / 2 + GAP, y, TARGET, TARGET}))
-        view_state_do(s, DO_STEP_ON, now_ns);
+        view_state_do(state, DO_STEP_ON, now_ns);
 }
 
-static void moving_panel(const struct brush *b, struct view_state *s, struct ui_box box, bool narrow, int64_t now_ns)
+static void moving_panel(const struct brush *brush, struct view_state *state, struct ui_box box, bool narrow,
+                         int64_t now_ns)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     char text[32];
     struct ui_box in = inner(box, 14), words = cut_top(&in, TARGET), buttons = words;
     if (narrow)
@@ -102,102 +106,103 @@ static void moving_panel(const struct brush *b, struct view_state *s, struct ui_
         buttons = cut_right(&words, 240);
     const struct control controls[] = {{"move-back", "Put back", BUTTON_RAISED, DO_RESET_PLACEMENT},
                                        {"move-done", "Done", BUTTON_MAIN, DO_MOVE}};
-    const int done = controls_draw(b, controls, (int)COUNT_OF(controls), buttons);
+    const int done = controls_draw(brush, controls, (int)COUNT_OF(controls), buttons);
     if (done >= 0)
-        view_state_do(s, (enum view_action)done, now_ns);
+        view_state_do(state, (enum view_action)done, now_ns);
     struct ui_box first = {words.x + 4, words.y + 2, words.w - 4, 30},
                   second = {words.x + 4, words.y + 31, words.w - 4, 24};
-    label(b, FACE_STRONG, first, t->text, "Move the actor");
-    label(b, FACE_SMALL, second, t->quiet, "Drag over the floor");
-    snprintf(text, sizeof text, "%+.0f°", s->placement.yaw_rad * 180 / PI);
+    label(brush, FACE_STRONG, first, t->text, "Move the actor");
+    label(brush, FACE_SMALL, second, t->quiet, "Drag over the floor");
+    snprintf(text, sizeof text, "%+.0f°", state->placement.yaw_rad * 180 / PI);
     struct ui_box icon = cut_left(&in, 34), degrees = cut_right(&in, 70);
-    icon_draw(b->ui, ICON_ORBIT, middle(icon), 26, t->quiet);
-    label_centred(b, FACE_STRONG, degrees, t->text, text);
-    struct slide slide = slider(b, "yaw", s->placement.yaw_rad / (2 * PI) + 0.5, in);
+    icon_draw(brush->ui, ICON_ORBIT, middle(icon), 26, t->quiet);
+    label_centred(brush, FACE_STRONG, degrees, t->text, text);
+    struct slide slide = slider(brush, "yaw", state->placement.yaw_rad / (2 * PI) + 0.5, in);
     if (slide.held)
-        view_state_set_yaw(s, (slide.share - 0.5) * 2 * PI * 0.9999);
+        view_state_set_yaw(state, (slide.share - 0.5) * 2 * PI * 0.9999);
 }
 
 // ---------------------------------------------------------------- controls over the image
 
-static const double WORD_W = 70, LEAST_NAME = 110; // dp; a narrower name would be dots
+static const double WORD_W = 70, MIN_NAME = 110; // dp; a narrower name would be dots
 
-static void top_row(const struct brush *b, struct view_state *s, const struct watch_page *page, const struct layout *l,
-                    int64_t now_ns)
+static void top_row(const struct brush *brush, struct view_state *state, const struct watch_page *page,
+                    const struct layout *layout, int64_t now_ns)
 {
-    struct ui_box top = l->top;
-    const struct theme *t = b->theme;
-    const struct room_state *room = &s->room;
-    const bool others = s->take_count > 1, finding = s->sheet == SHEET_THINGS;
+    struct ui_box top = layout->top;
+    const struct theme *t = brush->theme;
+    const struct room_state *room = &state->room;
+    const bool others = state->take_count > 1, finding = state->sheet == SHEET_THINGS;
     struct icon_control controls[5];
     int count = 0;
-    if (s->camera.requested)
+    if (state->camera.requested)
         controls[count++] =
             (struct icon_control){"orbit",
-                                  {s->orbiting ? ICON_CAMERA : ICON_ORBIT, s->orbiting ? "Camera" : "Around"},
+                                  {state->orbiting ? ICON_CAMERA : ICON_ORBIT, state->orbiting ? "Camera" : "Around"},
                                   BUTTON_GLASS,
                                   DO_ORBIT};
     controls[count++] =
-        (struct icon_control){"move", {ICON_MOVE, "Move"}, s->moving ? BUTTON_MAIN : BUTTON_GLASS, DO_MOVE};
+        (struct icon_control){"move", {ICON_MOVE, "Move"}, state->moving ? BUTTON_MAIN : BUTTON_GLASS, DO_MOVE};
     if (room->has_place)
         controls[count++] =
             (struct icon_control){"map", {ICON_MAP, "Map"}, room->map ? BUTTON_MAIN : BUTTON_GLASS, DO_MAP};
     if (room->thing_count)
         controls[count++] =
             (struct icon_control){"find", {ICON_FIND, "Find"}, finding ? BUTTON_MAIN : BUTTON_GLASS, DO_THINGS};
-    if (l->photo_on_top && !s->moving)
+    if (layout->photo_on_top && !state->moving)
         controls[count++] = (struct icon_control){"screenshot", {ICON_PHOTO, "Photo"}, BUTTON_GLASS, DO_SCREENSHOT};
     struct ui_box row = cut_top(&top, TARGET);
-    if (icon_button(b, "back", (struct icon_words){others ? ICON_BACK : ICON_CLOSE, others ? "Takes" : "Close"},
+    if (icon_button(brush, "back", (struct icon_words){others ? ICON_BACK : ICON_CLOSE, others ? "Takes" : "Close"},
                     BUTTON_GLASS, cut_left(&row, TARGET)))
-        view_state_do(s, DO_BACK, now_ns);
+        view_state_do(state, DO_BACK, now_ns);
     for (int i = 0; i < count; i++) {
         if (row.w < WORD_W)
             row = cut_top(&top, TARGET);
-        if (icon_button(b, controls[i].name, controls[i].what, controls[i].kind,
-                        cut_right(&row, i == 0 && s->camera.requested ? WORD_W : TARGET)))
-            view_state_do(s, controls[i].action, now_ns);
+        if (icon_button(brush, controls[i].name, controls[i].what, controls[i].kind,
+                        cut_right(&row, i == 0 && state->camera.requested ? WORD_W : TARGET)))
+            view_state_do(state, controls[i].action, now_ns);
     }
-    if (row.y > l->top.y || row.w < LEAST_NAME)
+    if (row.y > layout->top.y || row.w < MIN_NAME)
         return;
     char making[64];
-    snprintf(making, sizeof making, "Improving the picture, %.0f %%", 100 * s->avatar_progress);
-    const char *second = s->avatar_progress < 1 ? making : page->file;
-    double width = fmax(ui_text_width(b->ui, FACE_STRONG, page->take), ui_text_width(b->ui, FACE_SMALL, second));
+    snprintf(making, sizeof making, "Improving the picture, %.0f %%", 100 * state->avatar_progress);
+    const char *second = state->avatar_progress < 1 ? making : page->file;
+    double width =
+        fmax(ui_text_width(brush->ui, FACE_STRONG, page->take), ui_text_width(brush->ui, FACE_SMALL, second));
     struct ui_box name = {row.x, row.y, fmin(width + 44, row.w), row.h};
-    ui_shadow(b->ui, name, TARGET / 2, 8, t->shadow);
-    ui_fill(b->ui, name, TARGET / 2, t->glass);
-    label(b, FACE_STRONG, (struct ui_box){name.x + 22, name.y + 8, name.w - 40, 22}, t->text, page->take);
-    label(b, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, second);
+    ui_shadow(brush->ui, name, TARGET / 2, 8, t->shadow);
+    ui_fill(brush->ui, name, TARGET / 2, t->glass);
+    label(brush, FACE_STRONG, (struct ui_box){name.x + 22, name.y + 8, name.w - 40, 22}, t->text, page->take);
+    label(brush, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, second);
 }
 
-static void shutter(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
+static void draw_shutter(const struct brush *brush, struct view_state *state, struct ui_box box, int64_t now_ns)
 {
-    struct ui_touch touch = ui_area(b->ui, "screenshot", box);
+    struct ui_touch touch = ui_area(brush->ui, "screenshot", box);
     if (touch.rests)
-        icon_tip(b, box, "Photograph");
+        icon_tip(brush, box, "Photograph");
     struct ui_point m = middle(box);
-    ui_shadow(b->ui, box, box.w / 2, 8, b->theme->shadow);
-    ui_disc(b->ui, m, box.w / 2, b->theme->glass);
-    ui_disc(b->ui, m, box.w / 2 - (touch.held ? 11 : 8), b->theme->accent);
-    icon_draw(b->ui, ICON_PHOTO, m, 32, b->theme->on_accent);
+    ui_shadow(brush->ui, box, box.w / 2, 8, brush->theme->shadow);
+    ui_disc(brush->ui, m, box.w / 2, brush->theme->glass);
+    ui_disc(brush->ui, m, box.w / 2 - (touch.held ? 11 : 8), brush->theme->accent);
+    icon_draw(brush->ui, ICON_PHOTO, m, 32, brush->theme->on_accent);
     if (touch.tapped && !touch.rested)
-        view_state_do(s, DO_SCREENSHOT, now_ns);
+        view_state_do(state, DO_SCREENSHOT, now_ns);
 }
 
-static void inset_card(const struct brush *b, const struct take_view_image *p, struct ui_box box)
+static void inset_card(const struct brush *brush, const struct take_view_image *image, struct ui_box box)
 {
     const struct ui_uv_rect whole = {0, 0, 1, 1};
-    ui_shadow(b->ui, box, 14, 12, b->theme->shadow);
-    ui_image(b->ui, p->inset, box, whole, 14, 0xffffffff);
-    ui_border(b->ui, box, 14, 2, b->theme->glass);
-    double width = ui_text_width(b->ui, FACE_SMALL, "Sensor") + 22;
+    ui_shadow(brush->ui, box, 14, 12, brush->theme->shadow);
+    ui_image(brush->ui, image->inset, box, whole, 14, 0xffffffff);
+    ui_border(brush->ui, box, 14, 2, brush->theme->glass);
+    double width = ui_text_width(brush->ui, FACE_SMALL, "Sensor") + 22;
     struct ui_box name = {box.x + 8, box.y + box.h - 34, width, 26};
-    ui_fill(b->ui, name, 13, b->theme->glass);
-    label_centred(b, FACE_SMALL, name, b->theme->text, "Sensor");
+    ui_fill(brush->ui, name, 13, brush->theme->glass);
+    label_centred(brush, FACE_SMALL, name, brush->theme->text, "Sensor");
 }
 
-static void sources_card(const struct brush *b, struct ui_box at)
+static void sources_card(const struct brush *brush, struct ui_box at)
 {
     static const struct {
         uint32_t color;
@@ -207,130 +212,136 @@ static void sources_card(const struct brush *b, struct ui_box at)
                 {0xa73ef0ff, "from a frame far in time"},
                 {0xfb923cff, "never seen: filled in"}};
     struct ui_box box = {at.x, at.y, at.w, layout_sources_height()};
-    panel(b, box, true);
+    panel(brush, box, true);
     struct ui_box in = inner(box, 12);
     for (size_t i = 0; i < COUNT_OF(rows); i++) {
         double y = in.y + 28 * (double)i;
-        ui_disc(b->ui, (struct ui_point){in.x + 8, y + 14}, 6, rows[i].color);
-        label(b, FACE_SMALL, (struct ui_box){in.x + 26, y, in.w - 26, 28}, b->theme->text, rows[i].text);
+        ui_disc(brush->ui, (struct ui_point){in.x + 8, y + 14}, 6, rows[i].color);
+        label(brush, FACE_SMALL, (struct ui_box){in.x + 26, y, in.w - 26, 28}, brush->theme->text, rows[i].text);
     }
 }
 
 // Cards without controls, down the left side.
-static void cards(const struct brush *b, const struct view_state *s, const struct watch_page *page,
-                  struct ui_box column, struct ui_box frame_graph)
+static void draw_cards(const struct brush *brush, const struct view_state *state, const struct watch_page *page,
+                       struct ui_box column, struct ui_box frame_graph)
 {
-    if (s->inset && page->image->inset)
-        inset_card(b, page->image, cut_top(&column, column.w / page->image->inset_aspect));
-    if (s->sources && page->image->sources)
-        sources_card(b, column);
-    if (s->frame_graph)
-        frame_graph_draw(b, page->times, page->budget_ms, frame_graph);
+    if (state->inset && page->image->inset)
+        inset_card(brush, page->image, cut_top(&column, column.w / page->image->inset_aspect));
+    if (state->sources && page->image->sources)
+        sources_card(brush, column);
+    if (state->frame_graph)
+        frame_graph_draw(brush, page->times, page->budget_ms, frame_graph);
 }
 
 // Touches of the image itself; tested last, so that every control comes first.
-static void sense_image_touch(const struct brush *b, struct screens *screens, const struct layout *l)
+static void sense_image_touch(const struct brush *brush, struct screens *screens, const struct layout *layout)
 {
-    screens->image_held = ui_area(b->ui, "image", l->picture).held;
-    const struct ui_touch map = ui_area(b->ui, "map-image", l->map);
+    screens->image_held = ui_area(brush->ui, "image", layout->picture).held;
+    const struct ui_touch map = ui_area(brush->ui, "map-image", layout->map);
     screens->map_held = map.held || map.over;
 }
 
-static void controls(const struct brush *b, struct screens *screens, struct view_state *s,
-                     const struct watch_page *page, const struct layout *l, int64_t now_ns)
+static void draw_controls(const struct brush *brush, struct screens *screens, struct view_state *state,
+                          const struct watch_page *page, const struct layout *layout, int64_t now_ns)
 {
-    const struct ui_box low = l->panel;
-    const bool sheet = s->sheet != SHEET_NONE && !s->moving, covered = sheet && l->sheet_covers;
+    const struct ui_box low = layout->panel;
+    const bool sheet = state->sheet != SHEET_NONE && !state->moving, covered = sheet && layout->sheet_covers;
     if (sheet) {
-        ui_layer(b->ui, 2);
-        if (s->sheet == SHEET_THINGS || s->sheet == SHEET_CARD)
-            thing_sheet_draw(b, &screens->room, s, page->room, l->sheet, page->image->world_from_camera.translation,
-                             now_ns);
+        ui_layer(brush->ui, 2);
+        if (state->sheet == SHEET_THINGS || state->sheet == SHEET_CARD)
+            thing_sheet_draw(brush, &screens->room, state, page->room, layout->sheet,
+                             page->image->world_from_camera.translation, now_ns);
         else
-            panels_draw(b, screens, s, l->sheet, now_ns);
+            panels_draw(brush, screens, state, layout->sheet, now_ns);
     }
     if (covered) { // the others would be seen in part
-        ui_layer(b->ui, 0);
+        ui_layer(brush->ui, 0);
         return;
     }
-    ui_layer(b->ui, 1);
-    panel(b, low, true);
-    if (s->moving) {
-        moving_panel(b, s, low, l->narrow, now_ns);
+    ui_layer(brush->ui, 1);
+    panel(brush, low, true);
+    if (state->moving) {
+        moving_panel(brush, state, low, layout->narrow, now_ns);
     } else {
         struct ui_box in = {low.x + 20, low.y + 4, low.w - 40, low.h - 12};
-        const double buttons_h = PLAY + (l->narrow ? TARGET + GAP : 0);
-        time_row(b, s, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
-        button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, buttons_h}, l->narrow, now_ns);
-        if (s->trim.offered)
-            trim_row(b, s, (struct ui_box){in.x, in.y + TARGET + buttons_h + GAP, in.w, TARGET + (l->narrow ? 28 : 0)},
-                     l->narrow, now_ns);
-        if (!sheet && !l->photo_on_top) // else a sheet may cover it
-            shutter(b, s, l->shutter, now_ns);
+        const double buttons_h = PLAY + (layout->narrow ? TARGET + GAP : 0);
+        time_row(brush, state, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
+        button_row(brush, state, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, buttons_h}, layout->narrow,
+                   now_ns);
+        if (state->trim.offered)
+            trim_row(brush, state,
+                     (struct ui_box){in.x, in.y + TARGET + buttons_h + GAP, in.w, TARGET + (layout->narrow ? 28 : 0)},
+                     layout->narrow, now_ns);
+        if (!sheet && !layout->photo_on_top) // else a sheet may cover it
+            draw_shutter(brush, state, layout->shutter, now_ns);
     }
-    top_row(b, s, page, l, now_ns);
-    cards(b, s, page, l->cards, l->frame_graph);
-    (void)ui_area(b->ui, "panel", low);
-    ui_layer(b->ui, 0);
+    top_row(brush, state, page, layout, now_ns);
+    draw_cards(brush, state, page, layout->cards, layout->frame_graph);
+    (void)ui_area(brush->ui, "panel", low);
+    ui_layer(brush->ui, 0);
 }
 
 // Labels over the picture and over the map; they leave the controls free.
-static void things(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
-                   const struct layout *l, int64_t now_ns)
+static void draw_thing_labels(const struct brush *brush, struct screens *screens, struct view_state *state,
+                              const struct watch_page *page, const struct layout *layout, int64_t now_ns)
 {
-    const struct take_view_image *p = page->image;
-    const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, l->picture), false};
-    const bool shown = view_state_controls_shown(s), sheet = shown && s->sheet != SHEET_NONE && !s->moving;
+    const struct take_view_image *image = page->image;
+    const struct figure_view view = {image->lens, image->world_from_camera, cover_of(&image->lens, layout->picture),
+                                     false};
+    const bool shown = view_state_controls_shown(state), sheet = shown && state->sheet != SHEET_NONE && !state->moving;
     const struct ui_box none = {0, 0, 0, 0};
-    struct ui_box cards = l->cards;
-    cards.h = (s->inset && p->inset ? cards.w / p->inset_aspect + GAP : 0) +
-              (s->sources && p->sources ? layout_sources_height() + GAP : 0);
-    const struct ui_box taken[] = {
-        shown ? l->panel : none, shown ? l->top : none,      shown && !sheet && !s->moving ? l->shutter : none,
-        sheet ? l->sheet : none, cards.h > 0 ? cards : none, s->frame_graph ? l->frame_graph : none};
+    struct ui_box cards = layout->cards;
+    cards.h = (state->inset && image->inset ? cards.w / image->inset_aspect + GAP : 0) +
+              (state->sources && image->sources ? layout_sources_height() + GAP : 0);
+    const struct ui_box taken[] = {shown ? layout->panel : none,
+                                   shown ? layout->top : none,
+                                   shown && !sheet && !state->moving ? layout->shutter : none,
+                                   sheet ? layout->sheet : none,
+                                   cards.h > 0 ? cards : none,
+                                   state->frame_graph ? layout->frame_graph : none};
     if (!page->room->count)
         return;
-    const struct label_view picture = {&view, 0, l->picture, taken, (int)COUNT_OF(taken)};
-    const struct label_view map = {&page->room->map_view, 1, l->map, taken, (int)COUNT_OF(taken)};
+    const struct label_view picture = {&view, 0, layout->picture, taken, (int)COUNT_OF(taken)};
+    const struct label_view map = {&page->room->map_view, 1, layout->map, taken, (int)COUNT_OF(taken)};
     int touched = ROOM_NOTHING, on_map = ROOM_NOTHING;
-    if (!page->room->apart &&
-        ((p->camera == NULL && !p->making && !p->bodiless) || (s->camera.placed && s->presence > 0)))
-        touched = thing_labels_draw(b, &screens->room, &s->room, page->room, &picture);
-    if (l->map.w > 0)
-        on_map = thing_labels_draw(b, &screens->room, &s->room, page->room, &map);
+    if (!page->room->apart && ((image->camera == NULL && !image->making && !image->bodiless) ||
+                               (state->camera.placed && state->presence > 0)))
+        touched = thing_labels_draw(brush, &screens->room, &state->room, page->room, &picture);
+    if (layout->map.w > 0)
+        on_map = thing_labels_draw(brush, &screens->room, &state->room, page->room, &map);
     if (touched != ROOM_NOTHING || on_map != ROOM_NOTHING)
-        view_state_open_card(s, touched != ROOM_NOTHING ? touched : on_map, now_ns);
+        view_state_open_card(state, touched != ROOM_NOTHING ? touched : on_map, now_ns);
 }
 
-void screen_watch(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
-                  int64_t now_ns)
+void screen_watch(const struct brush *brush, struct screens *screens, struct view_state *state,
+                  const struct watch_page *page, int64_t now_ns)
 {
-    struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)};
-    const struct layout l = layout_of(all.w, all.h, s, page->image);
-    compositor_draw(b, l.picture, page->image, s);
+    struct ui_box all = {0, 0, ui_width(brush->ui), ui_height(brush->ui)};
+    const struct layout l = layout_of(all.w, all.h, state, page->image);
+    compositor_draw(brush, l.picture, page->image, state);
     if (l.map.w > 0)
-        map_draw(b, page->room, l.map);
-    if (view_state_controls_shown(s)) {
-        controls(b, screens, s, page, &l, now_ns);
-    } else if (s->frame_graph || s->inset || s->sources) {
+        map_draw(brush, page->room, l.map);
+    if (view_state_controls_shown(state)) {
+        draw_controls(brush, screens, state, page, &l, now_ns);
+    } else if (state->frame_graph || state->inset || state->sources) {
         const struct ui_box column = {l.cards.x, MARGIN, l.cards.w, l.cards.h};
         const struct ui_box frame_graph = {l.frame_graph.x, all.h - MARGIN - l.frame_graph.h, l.frame_graph.w,
                                            l.frame_graph.h};
-        ui_layer(b->ui, 1);
-        cards(b, s, page, column, frame_graph);
-        ui_layer(b->ui, 0);
+        ui_layer(brush->ui, 1);
+        draw_cards(brush, state, page, column, frame_graph);
+        ui_layer(brush->ui, 0);
     }
-    things(b, screens, s, page, &l, now_ns);
-    sense_image_touch(b, screens, &l);
+    draw_thing_labels(brush, screens, state, page, &l, now_ns);
+    sense_image_touch(brush, screens, &l);
 }
 
-bool screens_wheel(struct screens *screens, const struct view_state *s, struct ui_point at, double notches)
+bool screens_wheel(struct screens *screens, const struct view_state *state, struct ui_point at, double notches)
 {
-    if (s->page == PAGE_LIVE && s->live.phase == LIVE_SUMMARY)
+    if (state->page == PAGE_LIVE && state->live.phase == LIVE_SUMMARY)
         return scroll_turn(&screens->findings, at, -notches);
-    if ((s->page != PAGE_WATCH && s->page != PAGE_LIVE) || s->moving)
+    if ((state->page != PAGE_WATCH && state->page != PAGE_LIVE) || state->moving)
         return false;
-    switch (s->sheet) {
+    switch (state->sheet) {
     case SHEET_THINGS: return scroll_turn(&screens->room.list, at, -notches);
     case SHEET_CARD: return scroll_turn(&screens->room.text, at, -notches);
     case SHEET_LAYERS:
@@ -339,31 +350,32 @@ bool screens_wheel(struct screens *screens, const struct view_state *s, struct u
     }
 }
 
-void screen_opening(const struct brush *b, const char *file)
+void screen_opening(const struct brush *brush, const char *file)
 {
-    const struct theme *t = b->theme;
-    const double w = ui_width(b->ui), h = ui_height(b->ui);
-    ui_fill(b->ui, (struct ui_box){0, 0, w, h}, 0, t->ground);
-    label_centred(b, FACE_HEAD, (struct ui_box){MARGIN, h / 2 - 36, w - 2 * MARGIN, 36}, t->text, "Opening");
-    label_centred(b, FACE_BODY, (struct ui_box){MARGIN, h / 2 + 6, w - 2 * MARGIN, 30}, t->quiet, file);
+    const struct theme *t = brush->theme;
+    const double w = ui_width(brush->ui), h = ui_height(brush->ui);
+    ui_fill(brush->ui, (struct ui_box){0, 0, w, h}, 0, t->ground);
+    label_centred(brush, FACE_HEAD, (struct ui_box){MARGIN, h / 2 - 36, w - 2 * MARGIN, 36}, t->text, "Opening");
+    label_centred(brush, FACE_BODY, (struct ui_box){MARGIN, h / 2 + 6, w - 2 * MARGIN, 30}, t->quiet, file);
 }
 
-void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns)
+void screen_trouble(const struct brush *brush, struct view_state *state, int64_t now_ns)
 {
-    const struct theme *t = b->theme;
-    const double w = ui_width(b->ui), h = ui_height(b->ui), column = fmin(w - 4 * MARGIN, 560), x = (w - column) / 2;
+    const struct theme *t = brush->theme;
+    const double w = ui_width(brush->ui), h = ui_height(brush->ui), column = fmin(w - 4 * MARGIN, 560),
+                 x = (w - column) / 2;
     const bool low = h < 500; // no room for a large picture
     const double above = low ? MARGIN : h / 2 - 196;
-    ui_fill(b->ui, (struct ui_box){0, 0, w, h}, 0, t->ground);
+    ui_fill(brush->ui, (struct ui_box){0, 0, w, h}, 0, t->ground);
     const double radius = low ? 26 : 46;
-    ui_disc(b->ui, (struct ui_point){w / 2, above + radius}, radius, faint(t->warn, 0.16));
-    icon_draw(b->ui, ICON_WARNING, (struct ui_point){w / 2, above + radius - 2}, radius, t->warn);
+    ui_disc(brush->ui, (struct ui_point){w / 2, above + radius}, radius, faint(t->warn, 0.16));
+    icon_draw(brush->ui, ICON_WARNING, (struct ui_point){w / 2, above + radius - 2}, radius, t->warn);
     double y = above + 2 * radius + (low ? GAP : 24);
-    label_centred(b, FACE_HEAD, (struct ui_box){x, y, column, 36}, t->text, "This cannot be watched");
+    label_centred(brush, FACE_HEAD, (struct ui_box){x, y, column, 36}, t->text, "This cannot be watched");
     y += 48;
     const struct ui_box words = {x, y, column + 1, h - y - TARGET - 2 * MARGIN};
-    y += paragraph(b, FACE_BODY, words, t->quiet, s->trouble) + 24;
+    y += paragraph(brush, FACE_BODY, words, t->quiet, state->trouble) + 24;
     const struct ui_box close = {(w - 180) / 2, fmin(y, h - MARGIN - TARGET), 180, TARGET};
-    if (text_button(b, "close", s->take_count > 1 ? "Other takes" : "Close", BUTTON_MAIN, close))
-        view_state_do(s, DO_BACK, now_ns);
+    if (text_button(brush, "close", state->take_count > 1 ? "Other takes" : "Close", BUTTON_MAIN, close))
+        view_state_do(state, DO_BACK, now_ns);
 }

@@ -41,8 +41,8 @@ struct takes_page {
 };
 // notches: of a mouse's wheel since the page was drawn last.
 void screen_takes_wheel(struct screens *screens, double notches);
-void screen_takes(const struct brush *b, struct screens *screens, struct view_state *s, const struct takes_page *page,
-                  int64_t now_ns);
+void screen_takes(const struct brush *brush, struct screens *screens, struct view_state *state,
+                  const struct takes_page *page, int64_t now_ns);
 
 struct watch_page {
     const char *file, *take;
@@ -51,30 +51,30 @@ struct watch_page {
     double budget_ms; // for one frame, at the display's rate
     const struct room_page *room;
 };
-void screen_watch(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
-                  int64_t now_ns);
+void screen_watch(const struct brush *brush, struct screens *screens, struct view_state *state,
+                  const struct watch_page *page, int64_t now_ns);
 
 // While the recording `file` is being opened.
-void screen_opening(const struct brush *b, const char *file);
+void screen_opening(const struct brush *brush, const char *file);
 
-void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns);
+void screen_trouble(const struct brush *brush, struct view_state *state, int64_t now_ns);
 
 double screen_summary_bottom(double width, double height); // of all but the summary's buttons, dp
 
 // The notice, the hint or the progress bar, over any screen.
-void screen_message(const struct brush *b, const struct view_state *s);
-struct ui_box screen_message_box(const struct brush *b, const struct view_state *s); // width 0: nothing is said
+void screen_message(const struct brush *brush, const struct view_state *state);
+struct ui_box screen_message_box(const struct brush *brush, const struct view_state *state); // width 0: nothing is said
 
 // A graph of the last frames' times by stage.
-void frame_graph_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box);
+void frame_graph_draw(const struct brush *brush, const struct frame_times *times, double budget_ms, struct ui_box box);
 
 // The open sheet with settings.
-void panels_draw(const struct brush *b, struct screens *screens, struct view_state *s, struct ui_box box,
+void panels_draw(const struct brush *brush, struct screens *screens, struct view_state *state, struct ui_box box,
                  int64_t now_ns);
 
 // The buttons by which the part that is done begins and ends where the actor is; one that takes it back where nothing
 // moves. Returns how many.
-int live_mark_controls(const struct live_state *l, struct control out[2]);
+int live_mark_controls(const struct live_state *state, struct control out[2]);
 
 // A mouse's wheel over what scrolls on the pages for watching and for doing. False: nothing does there.
-bool screens_wheel(struct screens *screens, const struct view_state *s, struct ui_point at, double notches);
+bool screens_wheel(struct screens *screens, const struct view_state *state, struct ui_point at, double notches);

@@ -24,24 +24,24 @@ static const char *card_remark(const struct take_card *card)
 }
 
 // How long it is and what it is worth, as its verdict says everywhere.
-static void draw_words(const struct brush *b, const struct take_card *card, struct ui_box at)
+static void draw_words(const struct brush *brush, const struct take_card *card, struct ui_box at)
 {
     char text[200];
     const char *about = card_remark(card);
     if (card->judged && !card->trouble)
-        icon_draw(b->ui, card->good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&at, 22)), 18,
-                  card->good ? b->theme->accent : b->theme->warn);
+        icon_draw(brush->ui, card->good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&at, 22)), 18,
+                  card->good ? brush->theme->accent : brush->theme->warn);
     snprintf(text, sizeof text, "%.1f s%s%s", (double)card->length_ns * 1e-9, *about ? " · " : "", about);
-    label(b, FACE_SMALL, at, b->theme->quiet, text);
+    label(brush, FACE_SMALL, at, brush->theme->quiet, text);
 }
 
-static void take_card(const struct brush *b, struct view_state *s, struct screens *screens,
+static void take_card(const struct brush *brush, struct view_state *state, struct screens *screens,
                       const struct take_card *card, int number, struct ui_box box)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     char name[32];
     snprintf(name, sizeof name, "take-%d", number);
-    struct ui_touch touch = ui_area(b->ui, name, box);
+    struct ui_touch touch = ui_area(brush->ui, name, box);
     if (touch.went_down) {
         screens->grabbed_y = touch.y + box.y;
         screens->scrolled_from = screens->scroll;
@@ -54,27 +54,28 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
             screens->scroll = screens->scrolled_from - by;
     }
     if (touch.tapped && !screens->scrolling)
-        view_state_choose_take(s, number);
+        view_state_choose_take(state, number);
     struct ui_box picture = {box.x, box.y, box.w, box.h - WORDS};
-    ui_shadow(b->ui, box, ROUND, 12, faint(t->shadow, 0.7));
-    ui_fill(b->ui, box, ROUND, t->surface);
+    ui_shadow(brush->ui, box, ROUND, 12, faint(t->shadow, 0.7));
+    ui_fill(brush->ui, box, ROUND, t->surface);
     if (card->image) { // the image's upper corners are round, the lower ones are not
         double shape = picture.w / picture.h, part = fmin(1, card->image_aspect / shape);
         struct ui_uv_rect shown = {0, (1 - part) / 2, 1, (1 + part) / 2};
-        ui_image(b->ui, card->image, picture, shown, ROUND, 0xffffffff);
-        ui_image(b->ui, card->image, (struct ui_box){picture.x, picture.y + picture.h - ROUND, picture.w, ROUND},
+        ui_image(brush->ui, card->image, picture, shown, ROUND, 0xffffffff);
+        ui_image(brush->ui, card->image, (struct ui_box){picture.x, picture.y + picture.h - ROUND, picture.w, ROUND},
                  (struct ui_uv_rect){0, shown.v1 - (shown.v1 - shown.v0) * ROUND / picture.h, 1, shown.v1}, 0,
                  0xffffffff);
     }
-    ui_disc(b->ui, (struct ui_point){picture.x + picture.w - 40, picture.y + picture.h}, 27, t->accent);
-    icon_draw(b->ui, ICON_PLAY, (struct ui_point){picture.x + picture.w - 39, picture.y + picture.h}, 26, t->on_accent);
-    ui_border(b->ui, box, ROUND, number == s->take ? 3 : 1, number == s->take ? t->accent : t->hairline);
-    label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
+    ui_disc(brush->ui, (struct ui_point){picture.x + picture.w - 40, picture.y + picture.h}, 27, t->accent);
+    icon_draw(brush->ui, ICON_PLAY, (struct ui_point){picture.x + picture.w - 39, picture.y + picture.h}, 26,
+              t->on_accent);
+    ui_border(brush->ui, box, ROUND, number == state->take ? 3 : 1, number == state->take ? t->accent : t->hairline);
+    label(brush, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
           card->name);
     if (card->loaded)
-        draw_words(b, card, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24});
+        draw_words(brush, card, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24});
     if (touch.held && !screens->scrolling)
-        ui_fill(b->ui, box, ROUND, faint(t->text, 0.08));
+        ui_fill(brush->ui, box, ROUND, faint(t->text, 0.08));
 }
 
 void screen_takes_wheel(struct screens *screens, double notches)
@@ -84,13 +85,13 @@ void screen_takes_wheel(struct screens *screens, double notches)
 }
 
 // Scrolls no farther than is needed to have the card at `y` in sight.
-static void follow(struct screens *screens, double y, double card_h, double page_h)
+static void scroll_to_card(struct screens *screens, double y, double card_h, double page_h)
 {
     screens->scroll = fmin(screens->scroll, y);
     screens->scroll = fmax(screens->scroll, y + card_h - page_h);
 }
 
-static void draw_cards(const struct brush *b, struct screens *screens, struct view_state *s,
+static void draw_cards(const struct brush *brush, struct screens *screens, struct view_state *state,
                        const struct takes_page *page, struct ui_box in)
 {
     // As many in a row as fit, and as large as possible.
@@ -98,58 +99,58 @@ static void draw_cards(const struct brush *b, struct screens *screens, struct vi
     double w = fmin((in.w - (columns - 1) * MARGIN) / columns, WIDEST);
     double h = w * 0.62 + WORDS;
     int rows = (page->count + columns - 1) / columns;
-    double most = fmax(0, rows * (h + MARGIN) - in.h + BORDER);
-    if (screens->followed != s->take + 1 || s->take_columns != columns)
-        follow(screens, s->take / columns * (h + MARGIN), h, in.h);
-    screens->followed = s->take + 1;
-    s->take_columns = columns;
-    screens->scroll = fmin(fmax(screens->scroll, 0), most);
+    double max = fmax(0, rows * (h + MARGIN) - in.h + BORDER);
+    if (screens->followed != state->take + 1 || state->take_columns != columns)
+        scroll_to_card(screens, state->take / columns * (h + MARGIN), h, in.h);
+    screens->followed = state->take + 1;
+    state->take_columns = columns;
+    screens->scroll = fmin(fmax(screens->scroll, 0), max);
     screens->first_in_sight = (int)(screens->scroll / (h + MARGIN)) * columns;
     screens->end_in_sight = ((int)((screens->scroll + in.h + BORDER) / (h + MARGIN)) + 1) * columns;
-    ui_clip(b->ui, (struct ui_box){0, in.y - 8, ui_width(b->ui), in.h + BORDER + 8});
+    ui_clip(brush->ui, (struct ui_box){0, in.y - 8, ui_width(brush->ui), in.h + BORDER + 8});
     for (int i = 0; i < page->count; i++) {
         struct ui_box box = {in.x + (i % columns) * (w + MARGIN), in.y + (i / columns) * (h + MARGIN) - screens->scroll,
                              w, h};
         if (box.y + box.h > in.y && box.y < in.y + in.h + BORDER)
-            take_card(b, s, screens, &page->cards[i], i, box);
+            take_card(brush, state, screens, &page->cards[i], i, box);
     }
-    ui_unclip(b->ui);
+    ui_unclip(brush->ui);
 }
 
-void screen_takes(const struct brush *b, struct screens *screens, struct view_state *s, const struct takes_page *page,
-                  int64_t now_ns)
+void screen_takes(const struct brush *brush, struct screens *screens, struct view_state *state,
+                  const struct takes_page *page, int64_t now_ns)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     char text[300];
-    struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)}, in = inner(all, BORDER);
-    ui_fill(b->ui, all, 0, t->ground);
+    struct ui_box all = {0, 0, ui_width(brush->ui), ui_height(brush->ui)}, in = inner(all, BORDER);
+    ui_fill(brush->ui, all, 0, t->ground);
     struct ui_box head = cut_top(&in, HEAD - BORDER), buttons = {head.x, head.y, head.w, TARGET};
-    if (icon_button(b, "takes-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
+    if (icon_button(brush, "takes-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
                     cut_right(&buttons, TARGET)))
-        view_state_do(s, DO_QUIT, now_ns);
-    if (icon_button(b, "takes-theme", theme_words(s->dark), BUTTON_RAISED, cut_right(&buttons, TARGET)))
-        view_state_do(s, DO_THEME, now_ns);
-    label(b, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, "Choose a take");
+        view_state_do(state, DO_QUIT, now_ns);
+    if (icon_button(brush, "takes-theme", theme_words(state->dark), BUTTON_RAISED, cut_right(&buttons, TARGET)))
+        view_state_do(state, DO_THEME, now_ns);
+    label(brush, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, "Choose a take");
     snprintf(text, sizeof text, page->count == 1 ? "%s · one take" : "%s · %d takes", page->file, page->count);
-    label(b, FACE_BODY, (struct ui_box){head.x, head.y + 58, head.w, 28}, t->quiet, text);
-    draw_cards(b, screens, s, page, in);
+    label(brush, FACE_BODY, (struct ui_box){head.x, head.y + 58, head.w, 28}, t->quiet, text);
+    draw_cards(brush, screens, state, page, in);
 }
 
 // ---------------------------------------------------------------- take list
 
 // Reads the colour of the frame for the card: nearest to two fifths of the take that has an image and a skeleton. A
 // damaged one is passed over, a few times. False: none.
-static bool read_cover(struct take *t, struct take_images *images)
+static bool read_cover(struct take *take, struct take_images *images)
 {
     enum { TRIES = 8 };
-    int64_t count = take_frame_count(t), wanted = count * 2 / 5;
+    int64_t count = take_frame_count(take), wanted = count * 2 / 5;
     int tried = 0;
     for (int64_t away = 0; away < count && tried < TRIES; away++)
         for (int side = -1; side <= 1; side += 2) {
             int64_t i = wanted + side * away;
-            if (i < 0 || i >= count || !take_entry(t, i)->has_color || !take_entry(t, i)->has_skeleton)
+            if (i < 0 || i >= count || !take_entry(take, i)->has_color || !take_entry(take, i)->has_skeleton)
                 continue;
-            if (take_read(t, i, TAKE_COLOR, images) == OK && images->color)
+            if (take_read(take, i, TAKE_COLOR, images) == OK && images->color)
                 return true;
             tried++;
         }
@@ -157,44 +158,44 @@ static bool read_cover(struct take *t, struct take_images *images)
 }
 
 // Why the actor cannot be drawn; NULL: it can.
-static const char *trouble_with(const struct take *t)
+static const char *trouble_with(const struct take *take)
 {
-    if (take_body(t)->representative_frame < 0)
+    if (take_body(take)->representative_frame < 0)
         return "no person in it";
-    return take_calibration(t)->color.width ? NULL : "no colour and no depth";
+    return take_calibration(take)->color.width ? NULL : "no colour and no depth";
 }
 
 // Uploads the image no larger than a card shows it: of many takes of a large camera they would fill a tablet's memory.
-static enum status upload_cover(struct take_list *l, struct gpu *gpu, int number, const uint8_t *rgb,
+static enum status upload_cover(struct take_list *list, struct gpu *gpu, int number, const uint8_t *rgb,
                                 const struct lens *lens)
 {
-    enum { MOST_PX = 640 }; // of its width
-    struct take_card *card = &l->cards[number];
+    enum { MAX_PX = 640 }; // of its width
+    struct take_card *card = &list->cards[number];
     struct gpu_texture_layout layout = {GPU_RGB8, lens->width, lens->height, GPU_LINEAR};
     uint8_t *small = NULL;
-    if (lens->width > MOST_PX) {
-        layout.width = MOST_PX;
-        layout.height = (int)fmax(1, floor((double)lens->height * MOST_PX / lens->width));
+    if (lens->width > MAX_PX) {
+        layout.width = MAX_PX;
+        layout.height = (int)fmax(1, floor((double)lens->height * MAX_PX / lens->width));
         small = malloc((size_t)layout.width * (size_t)layout.height * 3);
         if (!small)
             return fail(ERR_MEMORY, "no memory for the list of takes");
         image_shrink(rgb, lens->width, lens->height, small, layout.width, layout.height);
     }
-    const enum status status = gpu_texture_open(&l->images[number], gpu, &layout, small ? small : rgb);
+    const enum status status = gpu_texture_open(&list->images[number], gpu, &layout, small ? small : rgb);
     free(small);
-    card->image = l->images[number];
+    card->image = list->images[number];
     card->image_aspect = (double)lens->width / lens->height;
     return status;
 }
 
-void take_list_say(struct take_card *card, const struct take_verdict *v)
+void take_list_say(struct take_card *card, const struct take_verdict *verdict)
 {
     card->judged = true;
-    card->good = verdict_is_good(v);
-    const int used = snprintf(card->verdict, sizeof card->verdict, "%s", verdict_headline(v));
-    for (int i = 0; i < v->count; i++)
-        if (verdict_shows_line(v, i)) {
-            snprintf(card->verdict + used, sizeof card->verdict - (size_t)used, "; %s", v->line[i].text);
+    card->good = verdict_is_good(verdict);
+    const int used = snprintf(card->verdict, sizeof card->verdict, "%s", verdict_headline(verdict));
+    for (int i = 0; i < verdict->count; i++)
+        if (verdict_shows_line(verdict, i)) {
+            snprintf(card->verdict + used, sizeof card->verdict - (size_t)used, "; %s", verdict->line[i].text);
             break;
         }
 }
@@ -215,9 +216,9 @@ static enum status read_verdict(struct take_card *card, struct recording *record
     return status == ERR_MEMORY ? status : OK;
 }
 
-static enum status make_card(struct take_list *l, struct gpu *gpu, struct recording *recording, int number)
+static enum status make_card(struct take_list *list, struct gpu *gpu, struct recording *recording, int number)
 {
-    struct take_card *card = &l->cards[number];
+    struct take_card *card = &list->cards[number];
     struct take *take;
     enum status status = take_open_drawn(&take, recording, card->name);
     if (status == ERR_MEMORY)
@@ -235,7 +236,7 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
     const struct lens *lens = &take_calibration(take)->color;
     struct take_images images = {0};
     if (read_cover(take, &images))
-        status = upload_cover(l, gpu, number, images.color, lens);
+        status = upload_cover(list, gpu, number, images.color, lens);
     take_close(&take);
     return status == OK ? read_verdict(card, recording) : status;
 }
@@ -258,7 +259,7 @@ enum status take_list_open(struct take_list *l, struct recording *recording, con
 }
 
 // How far a card is out of sight, in cards.
-static int beyond(int i, int first, int end)
+static int cards_out_of_sight(int i, int first, int end)
 {
     if (i < first)
         return first - i;
@@ -269,13 +270,13 @@ enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recordin
 {
     int next = -1;
     for (int i = 0; i < l->count; i++) {
-        const int far = beyond(i, first, end);
+        const int far = cards_out_of_sight(i, first, end);
         if (far > TAKE_LIST_AHEAD && l->images[i]) {
             gpu_texture_close(&l->images[i]);
             l->cards[i].image = NULL;
             l->cards[i].loaded = false;
         }
-        if (far <= TAKE_LIST_AHEAD && !l->cards[i].loaded && (next < 0 || far < beyond(next, first, end)))
+        if (far <= TAKE_LIST_AHEAD && !l->cards[i].loaded && (next < 0 || far < cards_out_of_sight(next, first, end)))
             next = i;
     }
     if (next < 0)
@@ -284,23 +285,23 @@ enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recordin
     return make_card(l, gpu, recording, next);
 }
 
-int take_list_unjudged(const struct take_list *l, int first, int end)
+int take_list_unjudged(const struct take_list *list, int first, int end)
 {
     int next = -1;
-    for (int i = 0; i < l->count; i++) {
-        const struct take_card *c = &l->cards[i];
+    for (int i = 0; i < list->count; i++) {
+        const struct take_card *c = &list->cards[i];
         if (c->loaded && !c->judged && !c->unjudgeable && !c->trouble &&
-            (next < 0 || beyond(i, first, end) < beyond(next, first, end)))
+            (next < 0 || cards_out_of_sight(i, first, end) < cards_out_of_sight(next, first, end)))
             next = i;
     }
     return next;
 }
 
-void take_list_close(struct take_list *l)
+void take_list_close(struct take_list *list)
 {
-    for (int i = 0; i < l->count && l->images; i++)
-        gpu_texture_close(&l->images[i]);
-    free(l->cards);
-    free(l->images);
-    *l = (struct take_list){0};
+    for (int i = 0; i < list->count && list->images; i++)
+        gpu_texture_close(&list->images[i]);
+    free(list->cards);
+    free(list->images);
+    *list = (struct take_list){0};
 }

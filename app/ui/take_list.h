@@ -21,8 +21,8 @@ MUST_CHECK enum status take_list_load(struct take_list *l, struct gpu *gpu, stru
                                       int end);
 
 // The card nearest to those in sight that is loaded, can be watched, and whose file keeps no verdict; -1: none.
-int take_list_unjudged(const struct take_list *l, int first, int end);
+int take_list_unjudged(const struct take_list *list, int first, int end);
 // Its verdict, which stays when the card gives up its image.
-void take_list_say(struct take_card *card, const struct take_verdict *v);
+void take_list_say(struct take_card *card, const struct take_verdict *verdict);
 
-void take_list_close(struct take_list *l); // leaves it zeroed; zeroed is fine
+void take_list_close(struct take_list *list); // leaves it zeroed; zeroed is fine

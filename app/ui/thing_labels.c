@@ -16,33 +16,33 @@
 enum { DIRECTIONS = 8, RINGS = 4, SIDES = DIRECTIONS * RINGS };
 static const double GAP_DP = 16, RING_DP = 34, ARROW_DP = 26;
 
-static bool overlap(struct ui_box a, struct ui_box b)
+static bool are_overlapping(struct ui_box a, struct ui_box b)
 {
     return a.x < b.x + b.w && b.x < a.x + a.w && a.y < b.y + b.h && b.y < a.y + a.h;
 }
 
-static bool inside(struct ui_box a, struct ui_box b)
+static bool is_box_inside(struct ui_box a, struct ui_box b)
 {
     return a.x >= b.x && a.y >= b.y && a.x + a.w <= b.x + b.w && a.y + a.h <= b.y + b.h;
 }
 
-static struct ui_box box_of(const struct placed_label *l, int side)
+static struct ui_box box_of(const struct placed_label *label, int side)
 {
     static const double direction[DIRECTIONS][2] = {{0, -1}, {1, 0},   {-1, 0}, {0, 1},
                                                     {1, -1}, {-1, -1}, {1, 1},  {-1, 1}};
     const double *d = direction[side % DIRECTIONS], away = GAP_DP + RING_DP * (side / DIRECTIONS);
-    const double x = l->at.x + d[0] * (away + l->w / 2), y = l->at.y + d[1] * (away + l->h / 2);
-    return (struct ui_box){x - l->w / 2, y - l->h / 2, l->w, l->h};
+    const double x = label->at.x + d[0] * (away + label->w / 2), y = label->at.y + d[1] * (away + label->h / 2);
+    return (struct ui_box){x - label->w / 2, y - label->h / 2, label->w, label->h};
 }
 
 static bool is_free(struct ui_box box, const struct placed_label *labels, int before, const struct ui_box *taken,
                     int taken_count)
 {
     for (int i = 0; i < taken_count; i++)
-        if (overlap(box, taken[i]))
+        if (are_overlapping(box, taken[i]))
             return false;
     for (int i = 0; i < before; i++)
-        if (labels[i].side != LABEL_NO_SIDE && overlap(box, labels[i].box))
+        if (labels[i].side != LABEL_NO_SIDE && are_overlapping(box, labels[i].box))
             return false;
     return true;
 }
@@ -55,14 +55,14 @@ void label_layout(struct placed_label *labels, int count, struct ui_box bounds, 
         const int last = l->side;
         const struct ui_box point = {l->at.x, l->at.y, 0, 0};
         l->side = LABEL_NO_SIDE;
-        if (!inside(point, bounds))
+        if (!is_box_inside(point, bounds))
             continue;
         for (int k = -1; k < SIDES && l->side == LABEL_NO_SIDE; k++) {
             const int side = k < 0 ? last : k;
             if (side < 0 || side >= SIDES)
                 continue;
             const struct ui_box box = box_of(l, side);
-            if (inside(box, bounds) && is_free(box, labels, i, taken, taken_count)) {
+            if (is_box_inside(box, bounds) && is_free(box, labels, i, taken, taken_count)) {
                 l->side = side;
                 l->box = box;
             }
@@ -74,7 +74,7 @@ struct edge_arrow edge_arrow_of(struct ui_point axis, double x, double y, bool a
 {
     const struct ui_point at = {axis.x + x, axis.y + y};
     struct edge_arrow out = {.dx = 0, .dy = 1};
-    out.inside = ahead && inside((struct ui_box){at.x, at.y, 0, 0}, bounds);
+    out.inside = ahead && is_box_inside((struct ui_box){at.x, at.y, 0, 0}, bounds);
     if (out.inside) {
         out.at = (struct ui_point){at.x, at.y - ARROW_DP};
         return out;
@@ -96,52 +96,54 @@ struct edge_arrow edge_arrow_of(struct ui_point axis, double x, double y, bool a
 
 static const double ROW = 62, PAD = 14;
 
-static void thing_row(const struct brush *b, const struct room_thing *t, struct ui_box row, double away_m, bool wanted)
+static void thing_row(const struct brush *brush, const struct room_thing *thing, struct ui_box row, double away_m,
+                      bool wanted)
 {
     char text[64];
-    const struct theme *th = b->theme;
+    const struct theme *th = brush->theme;
     if (wanted)
-        ui_fill(b->ui, row, ROUND, faint(th->accent, 0.2));
-    label(b, FACE_BODY, (struct ui_box){row.x + 14, row.y + 6, row.w - 28, 28}, wanted ? th->accent : th->text,
-          t->name);
-    snprintf(text, sizeof text, "%.1f m away%s", away_m, t->gone ? " · not where it stood" : "");
-    label(b, FACE_SMALL, (struct ui_box){row.x + 14, row.y + 33, row.w - 28, 22}, th->quiet, text);
+        ui_fill(brush->ui, row, ROUND, faint(th->accent, 0.2));
+    label(brush, FACE_BODY, (struct ui_box){row.x + 14, row.y + 6, row.w - 28, 28}, wanted ? th->accent : th->text,
+          thing->name);
+    snprintf(text, sizeof text, "%.1f m away%s", away_m, thing->gone ? " · not where it stood" : "");
+    label(brush, FACE_SMALL, (struct ui_box){row.x + 14, row.y + 33, row.w - 28, 22}, th->quiet, text);
 }
 
-static void filter_field(const struct brush *b, const struct view_state *s, struct ui_box box)
+static void filter_field(const struct brush *brush, const struct view_state *state, struct ui_box box)
 {
-    const struct theme *t = b->theme;
-    ui_fill(b->ui, box, box.h / 2, t->raised);
-    icon_draw(b->ui, ICON_FIND, (struct ui_point){box.x + 26, box.y + box.h / 2}, 22, t->quiet);
-    const bool empty = !s->room.filter[0];
+    const struct theme *t = brush->theme;
+    ui_fill(brush->ui, box, box.h / 2, t->raised);
+    icon_draw(brush->ui, ICON_FIND, (struct ui_point){box.x + 26, box.y + box.h / 2}, 22, t->quiet);
+    const bool empty = !state->room.filter[0];
     const struct ui_box in = {box.x + 48, box.y, box.w - 60, box.h};
-    label(b, FACE_BODY, in, empty ? t->quiet : t->text, empty ? "Type a name, or choose" : s->room.filter);
+    label(brush, FACE_BODY, in, empty ? t->quiet : t->text, empty ? "Type a name, or choose" : state->room.filter);
     if (!empty) {
-        const double x = in.x + fmin(ui_text_width(b->ui, FACE_BODY, s->room.filter), in.w) + 2;
-        ui_fill(b->ui, (struct ui_box){x, box.y + 12, 2, box.h - 24}, 0, t->accent);
+        const double x = in.x + fmin(ui_text_width(brush->ui, FACE_BODY, state->room.filter), in.w) + 2;
+        ui_fill(brush->ui, (struct ui_box){x, box.y + 12, 2, box.h - 24}, 0, t->accent);
     }
 }
 
-static void find_sheet(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
-                       struct ui_box box, struct vec3 eye, int64_t now_ns)
+static void find_sheet(const struct brush *brush, struct room_ui *ui, struct view_state *state,
+                       const struct room_page *page, struct ui_box box, struct vec3 eye, int64_t now_ns)
 {
     struct ui_box in = inner(box, PAD), head = cut_top(&in, HEADING);
-    if (icon_button(b, "things-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
+    if (icon_button(brush, "things-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
                     cut_right(&head, TARGET)))
-        view_state_do(s, DO_THINGS, now_ns);
-    label(b, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w - 6, head.h}, b->theme->text, "Find a thing");
-    filter_field(b, s, cut_top(&in, 48));
-    if (switch_row(b, "sheet-names", ICON_TAG, "Names in the picture", s->room.names, cut_bottom(&in, SWITCH)))
-        view_state_do(s, DO_NAMES, now_ns);
+        view_state_do(state, DO_THINGS, now_ns);
+    label(brush, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w - 6, head.h}, brush->theme->text,
+          "Find a thing");
+    filter_field(brush, state, cut_top(&in, 48));
+    if (switch_row(brush, "sheet-names", ICON_TAG, "Names in the picture", state->room.names, cut_bottom(&in, SWITCH)))
+        view_state_do(state, DO_NAMES, now_ns);
     int rows = 0, first = -1, more = 0;
     for (int i = 0; i < page->count; i++)
-        rows += text_contains(page->things[i].name, s->room.filter);
-    ui->list.at += s->list_steps * ROW;
-    s->list_steps = 0;
-    const struct brush inside = scroll_begin(b, &ui->list, &in, rows * ROW);
+        rows += text_contains(page->things[i].name, state->room.filter);
+    ui->list.at += state->list_steps * ROW;
+    state->list_steps = 0;
+    const struct brush inside = scroll_begin(brush, &ui->list, &in, rows * ROW);
     for (int i = 0, row = 0; i < page->count; i++) {
         char name[32];
-        if (!text_contains(page->things[i].name, s->room.filter))
+        if (!text_contains(page->things[i].name, state->room.filter))
             continue;
         const double away = v3_distance(page->things[i].world_from_thing.translation, eye);
         const struct ui_box at = {in.x, in.y + row * ROW - ui->list.at, in.w - 6, ROW - 4};
@@ -150,104 +152,107 @@ static void find_sheet(const struct brush *b, struct room_ui *ui, struct view_st
         row++;
         if (at.y + at.h < in.y || at.y > in.y + in.h)
             continue;
-        thing_row(b, &page->things[i], at, away, i == s->room.wanted);
+        thing_row(brush, &page->things[i], at, away, i == state->room.wanted);
         snprintf(name, sizeof name, "thing-%d", i);
         if (touch_area(&inside, name, at).tapped)
-            view_state_find_thing(s, i, now_ns);
+            view_state_find_thing(state, i, now_ns);
     }
-    scroll_end(b, &ui->list, more);
+    scroll_end(brush, &ui->list, more);
     if (!rows)
-        label_centred(b, FACE_BODY, (struct ui_box){in.x, in.y + 20, in.w, 30}, b->theme->quiet,
+        label_centred(brush, FACE_BODY, (struct ui_box){in.x, in.y + 20, in.w, 30}, brush->theme->quiet,
                       "Nothing of that name");
-    if (s->room.enter && first >= 0)
-        view_state_find_thing(s, first, now_ns);
-    s->room.enter = false;
+    if (state->room.enter && first >= 0)
+        view_state_find_thing(state, first, now_ns);
+    state->room.enter = false;
 }
 
 // ---------------------------------------------------------------- what is known
 
-static double passage(const struct brush *b, struct ui_box in, double y, const char *head, const char *text)
+static double draw_passage(const struct brush *brush, struct ui_box in, double y, const char *head, const char *text)
 {
-    const struct theme *t = b->theme;
+    const struct theme *t = brush->theme;
     if (!text[0])
         return y;
     if (head) {
-        label(b, FACE_SMALL, (struct ui_box){in.x, y, in.w, 22}, t->quiet, head);
+        label(brush, FACE_SMALL, (struct ui_box){in.x, y, in.w, 22}, t->quiet, head);
         y += 23;
     }
-    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, y}, in.w, t->text, text);
-    return y + ui_text_height(b->ui, FACE_BODY, text, in.w) + 12;
+    ui_text_lines(brush->ui, FACE_BODY, (struct ui_point){in.x, y}, in.w, t->text, text);
+    return y + ui_text_height(brush->ui, FACE_BODY, text, in.w) + 12;
 }
 
-static double pictures(const struct brush *b, const struct thing_card *c, struct ui_box in, double y)
+static double draw_pictures(const struct brush *brush, const struct thing_card *card, struct ui_box in, double y)
 {
     const struct ui_uv_rect whole = {0, 0, 1, 1};
     const double h = fmin(170, (in.w - GAP) / 2);
     double x = in.x;
-    if (c->picture) {
-        const double w = fmin(h * c->picture_aspect, in.w - h - GAP), own_h = w / c->picture_aspect;
-        ui_image(b->ui, c->picture, (struct ui_box){x, y + (h - own_h) / 2, w, own_h}, whole, 10, 0xffffffff);
+    if (card->picture) {
+        const double w = fmin(h * card->picture_aspect, in.w - h - GAP), own_h = w / card->picture_aspect;
+        ui_image(brush->ui, card->picture, (struct ui_box){x, y + (h - own_h) / 2, w, own_h}, whole, 10, 0xffffffff);
         x += w + GAP;
     }
-    if (c->body) {
+    if (card->body) {
         const struct ui_box box = {x, y, h, h};
-        ui_fill(b->ui, box, 12, b->theme->raised);
-        ui_image(b->ui, c->body, box, whole, 12, 0xffffffff);
-        if (!c->is_model)
-            label_centred(b, FACE_SMALL, (struct ui_box){x, y + h - 26, h, 24}, b->theme->quiet, "no model kept");
+        ui_fill(brush->ui, box, 12, brush->theme->raised);
+        ui_image(brush->ui, card->body, box, whole, 12, 0xffffffff);
+        if (!card->is_model)
+            label_centred(brush, FACE_SMALL, (struct ui_box){x, y + h - 26, h, 24}, brush->theme->quiet,
+                          "no model kept");
     }
-    return c->picture || c->body ? y + h + 14 : y;
+    return card->picture || card->body ? y + h + 14 : y;
 }
 
-static double card_text(const struct brush *b, const struct thing_card *c, const struct room_thing *t, struct ui_box in,
-                        double y)
+static double card_text(const struct brush *brush, const struct thing_card *card, const struct room_thing *thing,
+                        struct ui_box in, double y)
 {
     char where[128];
-    const struct vec3 at = t->world_from_thing.translation;
-    y = passage(b, in, y, NULL, c->description);
-    y = passage(b, in, y, "Weight", c->weight);
-    y = passage(b, in, y, "Material", c->material);
-    y = passage(b, in, y, "How to use it", c->instructions);
-    y = passage(b, in, y, "Note", c->note);
+    const struct vec3 at = thing->world_from_thing.translation;
+    y = draw_passage(brush, in, y, NULL, card->description);
+    y = draw_passage(brush, in, y, "Weight", card->weight);
+    y = draw_passage(brush, in, y, "Material", card->material);
+    y = draw_passage(brush, in, y, "How to use it", card->instructions);
+    y = draw_passage(brush, in, y, "Note", card->note);
     const int n = snprintf(where, sizeof where, "%.2f, %.2f, %.2f m", at.x, at.y, at.z);
-    if (t->sigma_m > 0)
-        snprintf(where + n, sizeof where - (size_t)n, ", to %.0f mm", fmax(1, t->sigma_m * 1e3));
-    y = passage(b, in, y, "Where it stands", where);
-    ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){in.x, y}, in.w,
-                  c->source_warns ? b->theme->warn : b->theme->quiet, c->source);
-    return y + ui_text_height(b->ui, FACE_SMALL, c->source, in.w) + 8;
+    if (thing->sigma_m > 0)
+        snprintf(where + n, sizeof where - (size_t)n, ", to %.0f mm", fmax(1, thing->sigma_m * 1e3));
+    y = draw_passage(brush, in, y, "Where it stands", where);
+    ui_text_lines(brush->ui, FACE_SMALL, (struct ui_point){in.x, y}, in.w,
+                  card->source_warns ? brush->theme->warn : brush->theme->quiet, card->source);
+    return y + ui_text_height(brush->ui, FACE_SMALL, card->source, in.w) + 8;
 }
 
-static void card_sheet(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
-                       struct ui_box box, int64_t now_ns)
+static void card_sheet(const struct brush *brush, struct room_ui *ui, struct view_state *state,
+                       const struct room_page *page, struct ui_box box, int64_t now_ns)
 {
     const struct thing_card *c = page->card;
-    const int i = s->room.card;
+    const int i = state->room.card;
     struct ui_box in = inner(box, PAD), head = cut_top(&in, TARGET), foot = cut_bottom(&in, TARGET);
-    if (icon_button(b, "card-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED, cut_right(&head, TARGET)))
-        view_state_open_card(s, i, now_ns);
-    label(b, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w - 6, head.h}, b->theme->text, c->name);
-    const bool led = s->room.wanted == i;
-    if (text_button(b, "card-find", led ? "Hide the arrow" : "Lead me there", led ? BUTTON_RAISED : BUTTON_MAIN, foot))
-        view_state_find_thing(s, i, now_ns);
-    ui->text.at += s->list_steps * ROW;
-    s->list_steps = 0;
-    (void)scroll_begin(b, &ui->text, &in, ui->text_h); // of the last frame: it is known once it was laid out
+    if (icon_button(brush, "card-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
+                    cut_right(&head, TARGET)))
+        view_state_open_card(state, i, now_ns);
+    label(brush, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w - 6, head.h}, brush->theme->text, c->name);
+    const bool led = state->room.wanted == i;
+    if (text_button(brush, "card-find", led ? "Hide the arrow" : "Lead me there", led ? BUTTON_RAISED : BUTTON_MAIN,
+                    foot))
+        view_state_find_thing(state, i, now_ns);
+    ui->text.at += state->list_steps * ROW;
+    state->list_steps = 0;
+    (void)scroll_begin(brush, &ui->text, &in, ui->text_h); // of the last frame: it is known once it was laid out
     const struct ui_box text = {in.x + 6, in.y, in.w - 12, in.h};
-    const double from = in.y - ui->text.at, y = pictures(b, c, text, from);
-    ui->text_h = card_text(b, c, &page->things[i], text, y) - from;
-    scroll_end(b, &ui->text, 0);
+    const double from = in.y - ui->text.at, y = draw_pictures(brush, c, text, from);
+    ui->text_h = card_text(brush, c, &page->things[i], text, y) - from;
+    scroll_end(brush, &ui->text, 0);
 }
 
-void thing_sheet_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
-                      struct ui_box box, struct vec3 eye, int64_t now_ns)
+void thing_sheet_draw(const struct brush *brush, struct room_ui *ui, struct view_state *state,
+                      const struct room_page *page, struct ui_box box, struct vec3 eye, int64_t now_ns)
 {
-    panel(b, box, false);
-    if (s->sheet == SHEET_THINGS)
-        find_sheet(b, ui, s, page, box, eye, now_ns);
-    else if (s->sheet == SHEET_CARD && page->card && s->room.card >= 0 && s->room.card < page->count)
-        card_sheet(b, ui, s, page, box, now_ns);
-    (void)ui_area(b->ui, "sheet", box); // touches do not pass through
+    panel(brush, box, false);
+    if (state->sheet == SHEET_THINGS)
+        find_sheet(brush, ui, state, page, box, eye, now_ns);
+    else if (state->sheet == SHEET_CARD && page->card && state->room.card >= 0 && state->room.card < page->count)
+        card_sheet(brush, ui, state, page, box, now_ns);
+    (void)ui_area(brush->ui, "sheet", box); // touches do not pass through
 }
 
 // ---------------------------------------------------------------- thing labels
@@ -258,8 +263,8 @@ static const double HIDDEN_OPACITY = 0.6; // of the label of what is hidden; cho
 void room_ui_start(struct room_ui *ui)
 {
     *ui = (struct room_ui){.text_h = 0};
-    for (int i = 0; i < 2 * ROOM_LABELS_MOST; i++)
-        ui->sides[i / ROOM_LABELS_MOST][i % ROOM_LABELS_MOST] = LABEL_NO_SIDE;
+    for (int i = 0; i < 2 * ROOM_LABELS_MAX; i++)
+        ui->sides[i / ROOM_LABELS_MAX][i % ROOM_LABELS_MAX] = LABEL_NO_SIDE;
 }
 
 struct marked {
@@ -272,30 +277,30 @@ struct marked {
 // What is hidden chooses its place last.
 static int nearer_first(const void *a, const void *b)
 {
-    const struct marked *x = a, *y = b;
-    if (x->hidden != y->hidden)
-        return x->hidden ? 1 : -1;
-    if (x->distance_m != y->distance_m)
-        return x->distance_m < y->distance_m ? -1 : 1;
-    return x->thing - y->thing;
+    const struct marked *marked = a, *y = b;
+    if (marked->hidden != y->hidden)
+        return marked->hidden ? 1 : -1;
+    if (marked->distance_m != y->distance_m)
+        return marked->distance_m < y->distance_m ? -1 : 1;
+    return marked->thing - y->thing;
 }
 
-static const char *answer_text(const struct room_thing *t)
+static const char *answer_text(const struct room_thing *thing)
 {
-    if (t->gone)
+    if (thing->gone)
         return " · gone?";
-    if (t->answer == ANSWER_ASKING)
+    if (thing->answer == ANSWER_ASKING)
         return " · asking …";
-    return t->answer == ANSWER_NONE ? " · no answer" : "";
+    return thing->answer == ANSWER_NONE ? " · no answer" : "";
 }
 
 // in_map: its viewpoint is far from everything and looks in from outside; labels fade and are hidden in the picture
 // only.
 static int mark_things(const struct room_page *page, const struct figure_view *view, int wanted, bool in_map,
-                       struct marked out[ROOM_LABELS_MOST])
+                       struct marked out[ROOM_LABELS_MAX])
 {
     int count = 0;
-    for (int i = 0; i < page->count && i < ROOM_LABELS_MOST; i++) {
+    for (int i = 0; i < page->count && i < ROOM_LABELS_MAX; i++) {
         const struct room_thing *t = &page->things[i];
         const double away = v3_distance(t->world_from_thing.translation, view->world_from_camera.translation);
         struct marked m = {.thing = i,
@@ -316,69 +321,71 @@ static int mark_things(const struct room_page *page, const struct figure_view *v
     return count;
 }
 
-static void draw_label(const struct brush *b, const struct placed_label *l, const struct marked *m, bool wanted)
+static void draw_label(const struct brush *brush, const struct placed_label *label, const struct marked *marked,
+                       bool wanted)
 {
-    const struct theme *t = b->theme;
-    const struct ui_box pill = {l->box.x, l->box.y + (l->box.h - LABEL_H) / 2, l->box.w, LABEL_H};
-    const double x = fmin(fmax(l->at.x, pill.x), pill.x + pill.w), y = fmin(fmax(l->at.y, pill.y), pill.y + pill.h);
-    const double o = 0.25 + 0.75 * m->opacity;
-    if (m->hidden) { // an outline: what it names is not in sight
+    const struct theme *t = brush->theme;
+    const struct ui_box pill = {label->box.x, label->box.y + (label->box.h - LABEL_H) / 2, label->box.w, LABEL_H};
+    const double x = fmin(fmax(label->at.x, pill.x), pill.x + pill.w),
+                 y = fmin(fmax(label->at.y, pill.y), pill.y + pill.h);
+    const double o = 0.25 + 0.75 * marked->opacity;
+    if (marked->hidden) { // an outline: what it names is not in sight
         const uint32_t color = faint(t->text, HIDDEN_OPACITY * o);
-        ui_ring(b->ui, l->at, 4.5, 1.5, color);
-        ui_line(b->ui, l->at, (struct ui_point){x, y}, 1, color);
-        ui_border(b->ui, pill, LABEL_H / 2, 1.5, color);
-        label_centred(b, FACE_SMALL, pill, color, m->text);
+        ui_ring(brush->ui, label->at, 4.5, 1.5, color);
+        ui_line(brush->ui, label->at, (struct ui_point){x, y}, 1, color);
+        ui_border(brush->ui, pill, LABEL_H / 2, 1.5, color);
+        label_centred(brush, FACE_SMALL, pill, color, marked->text);
         return;
     }
-    ui_line(b->ui, l->at, (struct ui_point){x, y}, 2, faint(wanted ? t->accent : t->text, o));
-    ui_disc(b->ui, l->at, 6.5, faint(t->ground, o));
-    ui_disc(b->ui, l->at, 4.5, faint(t->accent, o));
-    ui_shadow(b->ui, pill, LABEL_H / 2, 6, faint(t->shadow, o));
-    ui_fill(b->ui, pill, LABEL_H / 2, faint(wanted ? t->accent : t->glass, o));
-    label_centred(b, FACE_SMALL, pill, faint(wanted ? t->on_accent : t->text, o), m->text);
+    ui_line(brush->ui, label->at, (struct ui_point){x, y}, 2, faint(wanted ? t->accent : t->text, o));
+    ui_disc(brush->ui, label->at, 6.5, faint(t->ground, o));
+    ui_disc(brush->ui, label->at, 4.5, faint(t->accent, o));
+    ui_shadow(brush->ui, pill, LABEL_H / 2, 6, faint(t->shadow, o));
+    ui_fill(brush->ui, pill, LABEL_H / 2, faint(wanted ? t->accent : t->glass, o));
+    label_centred(brush, FACE_SMALL, pill, faint(wanted ? t->on_accent : t->text, o), marked->text);
 }
 
 // Where the point would be on the screen's plane, dp from the view's axis; behind the viewpoint mirrored, as
 // edge_arrow_of takes it.
-static struct edge_arrow arrow_to(const struct figure_view *v, struct vec3 world, struct ui_box bounds)
+static struct edge_arrow arrow_to(const struct figure_view *view, struct vec3 world, struct ui_box bounds)
 {
-    const struct vec3 c = pose_apply(pose_inverse(v->world_from_camera), world);
-    const double z = fabs(c.z) < 1e-3 ? copysign(1e-3, c.z) : c.z, scale = v->cover.scale * v->lens.fx / z;
-    const struct ui_point axis = {v->cover.x + (v->lens.cx + 0.5) * v->cover.scale,
-                                  v->cover.y + (v->lens.cy + 0.5) * v->cover.scale};
+    const struct vec3 c = pose_apply(pose_inverse(view->world_from_camera), world);
+    const double z = fabs(c.z) < 1e-3 ? copysign(1e-3, c.z) : c.z, scale = view->cover.scale * view->lens.fx / z;
+    const struct ui_point axis = {view->cover.x + (view->lens.cx + 0.5) * view->cover.scale,
+                                  view->cover.y + (view->lens.cy + 0.5) * view->cover.scale};
     struct ui_point at;
-    if (figure_point(v, world, &at)) // with the lens's distortion
+    if (figure_point(view, world, &at)) // with the lens's distortion
         return edge_arrow_of(axis, at.x - axis.x, at.y - axis.y, true, bounds);
     return edge_arrow_of(axis, scale * c.x, scale * c.y, c.z > 0, bounds);
 }
 
-static void draw_arrow(const struct brush *b, const struct edge_arrow *a, double distance_m)
+static void draw_arrow(const struct brush *brush, const struct edge_arrow *arrow, double distance_m)
 {
-    const struct theme *t = b->theme;
-    const double size = 20, px = -a->dy, py = a->dx;
-    const struct ui_point tip = a->at, base = {tip.x - 1.5 * size * a->dx, tip.y - 1.5 * size * a->dy};
+    const struct theme *t = brush->theme;
+    const double size = 20, px = -arrow->dy, py = arrow->dx;
+    const struct ui_point tip = arrow->at, base = {tip.x - 1.5 * size * arrow->dx, tip.y - 1.5 * size * arrow->dy};
     const struct ui_point left = {base.x + 0.8 * size * px, base.y + 0.8 * size * py},
                           right = {base.x - 0.8 * size * px, base.y - 0.8 * size * py};
     const struct ui_point shape[3] = {tip, right, left}; // clockwise on the screen, as polygons are drawn
-    ui_stroke(b->ui, shape, 3, true, 9, faint(t->ground, 0.8));
-    ui_polygon(b->ui, shape, 3, t->accent);
-    ui_stroke(b->ui, shape, 3, true, 4, t->accent);
-    if (a->inside)
+    ui_stroke(brush->ui, shape, 3, true, 9, faint(t->ground, 0.8));
+    ui_polygon(brush->ui, shape, 3, t->accent);
+    ui_stroke(brush->ui, shape, 3, true, 4, t->accent);
+    if (arrow->inside)
         return;
     char text[32];
     snprintf(text, sizeof text, "%.1f m", distance_m);
-    const double w = ui_text_width(b->ui, FACE_SMALL, text) + 20;
-    const struct ui_point m = {base.x - 34 * a->dx, base.y - 26 * a->dy};
+    const double w = ui_text_width(brush->ui, FACE_SMALL, text) + 20;
+    const struct ui_point m = {base.x - 34 * arrow->dx, base.y - 26 * arrow->dy};
     const struct ui_box pill = {m.x - w / 2, m.y - 14, w, 28};
-    ui_fill(b->ui, pill, 14, t->glass);
-    label_centred(b, FACE_SMALL, pill, t->text, text);
+    ui_fill(brush->ui, pill, 14, t->glass);
+    label_centred(brush, FACE_SMALL, pill, t->text, text);
 }
 
 // In sight, the arrow is on the side of the point where its label is not.
-static void draw_wanted(const struct brush *b, const struct room_state *s, const struct room_page *page,
+static void draw_wanted(const struct brush *brush, const struct room_state *state, const struct room_page *page,
                         const struct label_view *where, const struct placed_label *own)
 {
-    const int i = s->wanted;
+    const int i = state->wanted;
     if (i < 0 || i >= page->count)
         return;
     const struct vec3 at = page->things[i].world_from_thing.translation;
@@ -387,17 +394,17 @@ static void draw_wanted(const struct brush *b, const struct room_state *s, const
         arrow.at.y = 2 * own->at.y - arrow.at.y;
         arrow.dy = -1;
     }
-    draw_arrow(b, &arrow, v3_distance(at, where->view->world_from_camera.translation));
+    draw_arrow(brush, &arrow, v3_distance(at, where->view->world_from_camera.translation));
 }
 
 struct label_set { // the same thing's at each index
-    struct marked marked[ROOM_LABELS_MOST];
-    struct placed_label labels[ROOM_LABELS_MOST];
+    struct marked marked[ROOM_LABELS_MAX];
+    struct placed_label labels[ROOM_LABELS_MAX];
     int count;
 };
 
 // Keeps of those that are marked the ones in sight, and chooses places for their labels.
-static void place_labels(const struct brush *b, const struct room_ui *ui, const struct room_page *page,
+static void place_labels(const struct brush *brush, const struct room_ui *ui, const struct room_page *page,
                          const struct label_view *where, struct label_set *set)
 {
     int shown = 0;
@@ -406,7 +413,7 @@ static void place_labels(const struct brush *b, const struct room_ui *ui, const 
         const int thing = set->marked[i].thing;
         if (!figure_point(where->view, page->things[thing].world_from_thing.translation, &l->at))
             continue;
-        l->w = ui_text_width(b->ui, FACE_SMALL, set->marked[i].text) + 32;
+        l->w = ui_text_width(brush->ui, FACE_SMALL, set->marked[i].text) + 32;
         l->h = TARGET;
         l->side = ui->sides[where->number][thing];
         set->marked[shown++] = set->marked[i];
@@ -415,33 +422,33 @@ static void place_labels(const struct brush *b, const struct room_ui *ui, const 
     label_layout(set->labels, shown, inner(where->bounds, 4), where->taken, where->taken_count);
 }
 
-int thing_labels_draw(const struct brush *b, struct room_ui *ui, const struct room_state *s,
+int thing_labels_draw(const struct brush *brush, struct room_ui *ui, const struct room_state *state,
                       const struct room_page *page, const struct label_view *where)
 {
     struct label_set set;
     const int number = where->number;
     int touched = ROOM_NOTHING;
-    set.count = s->names ? mark_things(page, where->view, s->wanted, number == 1, set.marked) : 0;
-    place_labels(b, ui, page, where, &set);
-    ui_clip(b->ui, where->bounds);
+    set.count = state->names ? mark_things(page, where->view, state->wanted, number == 1, set.marked) : 0;
+    place_labels(brush, ui, page, where, &set);
+    ui_clip(brush->ui, where->bounds);
     for (int i = set.count - 1; i >= 0; i--) { // the nearest last, over the lines of others
         const struct placed_label *l = &set.labels[i];
         const struct marked *m = &set.marked[i];
         ui->sides[number][m->thing] = l->side;
         ui->boxes[number][m->thing] = l->box;
         if (l->side == LABEL_NO_SIDE)
-            ui_disc(b->ui, l->at, 4.5, faint(b->theme->accent, m->opacity)); // there is no room for its name
+            ui_disc(brush->ui, l->at, 4.5, faint(brush->theme->accent, m->opacity)); // there is no room for its name
         else
-            draw_label(b, l, m, m->thing == s->wanted);
+            draw_label(brush, l, m, m->thing == state->wanted);
     }
     for (int i = 0; i < set.count; i++) {
         char name[32];
         snprintf(name, sizeof name, "label-%d-%d", number, set.marked[i].thing);
-        if (set.labels[i].side != LABEL_NO_SIDE && ui_area(b->ui, name, set.labels[i].box).tapped)
+        if (set.labels[i].side != LABEL_NO_SIDE && ui_area(brush->ui, name, set.labels[i].box).tapped)
             touched = set.marked[i].thing;
     }
-    const bool has_own = set.count && set.marked[0].thing == s->wanted;
-    draw_wanted(b, s, page, where, has_own ? &set.labels[0] : NULL);
-    ui_unclip(b->ui);
+    const bool has_own = set.count && set.marked[0].thing == state->wanted;
+    draw_wanted(brush, state, page, where, has_own ? &set.labels[0] : NULL);
+    ui_unclip(brush->ui);
     return touched;
 }

@@ -1,8 +1,8 @@
 // The image behind the controls: the camera's image or a drawn studio, the actor's shadow, the actor, and the overlays
 // over it (sources, skeleton).
 #pragma once
-#include "app/view/take_view.h"
 #include "app/ui/widgets.h"
+#include "app/view/take_view.h"
 
 // How an image is placed on the screen: it covers the box, what exceeds it is cut off.
 struct cover {
@@ -19,8 +19,8 @@ bool cover_floor(const struct take_view_image *image, struct cover cover, struct
 struct ui_box compositor_actor_box(const struct take_view_image *image, struct cover cover, struct ui_box box);
 struct ui_box compositor_shadow_box(const struct take_view_image *image, struct cover cover, struct ui_box box);
 
-void compositor_draw(const struct brush *b, struct ui_box box, const struct take_view_image *image,
-                     const struct view_state *s);
+void compositor_draw(const struct brush *brush, struct ui_box box, const struct take_view_image *image,
+                     const struct view_state *state);
 
 // ---------------------------------------------------------------- screenshot
 

@@ -21,12 +21,13 @@ void avatar_builder_close(struct avatar_builder **p);
 
 // Begins to make what is not there. Until then only the kept avatar is read, so that the first picture has the
 // processor for itself.
-void avatar_builder_begin(struct avatar_builder *p);
+void avatar_builder_begin(struct avatar_builder *builder);
 
-double avatar_builder_progress(const struct avatar_builder *p); // share of the full avatar's work that is done, 0..1
+double
+avatar_builder_progress(const struct avatar_builder *builder); // share of the full avatar's work that is done, 0..1
 
 // Waits until the kept avatar is there or it is known that there is none; at most that long.
-void avatar_builder_await_kept(struct avatar_builder *p, int64_t most_ns);
+void avatar_builder_await_kept(struct avatar_builder *builder, int64_t max_ns);
 
 enum avatar_news {
     AVATAR_NO_NEWS,
@@ -38,11 +39,11 @@ enum avatar_news {
 enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *avatar, enum status *status);
 
 // True, once: *occluders is the caller's; empty where there is no mesh.
-bool avatar_builder_take_occluders(struct avatar_builder *p, struct occluder_mesh *occluders);
+bool avatar_builder_take_occluders(struct avatar_builder *builder, struct occluder_mesh *occluders);
 
 // Once they have ended: OK: the recording keeps the full avatar, or there is none. ERR_IO: it cannot be written now.
 // ERR_MEMORY.
 MUST_CHECK enum status avatar_builder_kept(struct avatar_builder *p);
 
 // The threads have ended. What they made may still be taken.
-bool avatar_builder_ended(const struct avatar_builder *p);
+bool avatar_builder_ended(const struct avatar_builder *builder);

@@ -21,14 +21,14 @@ MUST_CHECK enum status prefetch_start(struct frame_prefetch **out, const struct 
 void prefetch_close(struct frame_prefetch **a);
 
 // Sets which frames will be shown, in this order, at most PREFETCH_MAX. Ready layers of other frames are freed.
-void prefetch_request(struct frame_prefetch *a, const int64_t *frames, int count);
+void prefetch_request(struct frame_prefetch *prefetch, const int64_t *frames, int count);
 
 // Duration of the last load; 0: there was none yet.
-int64_t prefetch_load_ns(struct frame_prefetch *a);
+int64_t prefetch_load_ns(struct frame_prefetch *prefetch);
 
-bool prefetch_has(struct frame_prefetch *a, int64_t frame); // it is ready
+bool prefetch_has(struct frame_prefetch *prefetch, int64_t frame); // it is ready
 
 // True: *out is the frame's layer and the caller's (frame_layer_free). If it is being loaded, waits for that. False: it
 // is neither ready nor being loaded, or it could not be loaded; *out is unchanged.
-bool prefetch_take(struct frame_prefetch *a, int64_t frame, struct frame_layer *out);
-bool prefetch_take_any(struct frame_prefetch *a, struct frame_layer *out); // any ready layer; does not wait
+bool prefetch_take(struct frame_prefetch *prefetch, int64_t frame, struct frame_layer *out);
+bool prefetch_take_any(struct frame_prefetch *prefetch, struct frame_layer *out); // any ready layer; does not wait

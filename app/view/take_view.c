@@ -1,11 +1,11 @@
 #include "app/view/take_view.h"
 
-#include "app/view/frame_prefetch.h"
 #include "app/state/playback_clock.h"
 #include "app/view/avatar_builder.h"
+#include "app/view/frame_prefetch.h"
 #include "base/clock.h"
-#include "reenact/skeleton/skeleton_track.h"
 #include "reenact/render/actor_renderer.h"
+#include "reenact/skeleton/skeleton_track.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -34,9 +34,9 @@ struct take_view {
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
     int64_t inset_frame;
-    uint8_t *codes, *colors;                             // scratch for `sources`
-    struct overlay_stroke strokes[OVERLAY_STROKES_MOST]; // scratch
-    struct overlay_group groups[OVERLAY_GROUPS_MOST];
+    uint8_t *codes, *colors;                            // scratch for `sources`
+    struct overlay_stroke strokes[OVERLAY_STROKES_MAX]; // scratch
+    struct overlay_group groups[OVERLAY_GROUPS_MAX];
     struct vec3 pivot, right; // the actor's first position on the floor; the sensor's x axis, horizontal
     struct orbit orbit;
 };
@@ -51,24 +51,24 @@ static const int64_t ANY_NS = INT64_MAX, AWAIT_NS = 300000000;
 // The first drawing waits so long for the avatar that the recording keeps, if there is one. Chosen by hand.
 static const int64_t KEPT_NS = 300000000;
 
-static void init_orbit(struct take_view *s)
+static void init_orbit(struct take_view *view)
 {
-    s->orbit = (struct orbit){v3(0, 0, 1), 0, 0.1, 3};
-    s->right = v3(1, 0, 0);
-    for (int64_t i = 0; i < take_frame_count(s->take); i++) {
+    view->orbit = (struct orbit){v3(0, 0, 1), 0, 0.1, 3};
+    view->right = v3(1, 0, 0);
+    for (int64_t i = 0; i < take_frame_count(view->take); i++) {
         struct track_sample sample;
-        const struct take_entry *entry = take_entry(s->take, i);
-        int64_t since_ns = entry->time_ns - take_entry(s->take, 0)->time_ns;
-        if (!entry->has_skeleton || skeleton_track_at(s->track, since_ns, false, &sample) != OK)
+        const struct take_entry *entry = take_entry(view->take, i);
+        int64_t since_ns = entry->time_ns - take_entry(view->take, 0)->time_ns;
+        if (!entry->has_skeleton || skeleton_track_at(view->track, since_ns, false, &sample) != OK)
             continue;
         enum joint middle = sample.skeleton.confidence[JOINT_WAIST] > 0 ? JOINT_WAIST : JOINT_NECK;
         struct vec3 body = sample.skeleton.joint[middle];
         struct vec3 from = v3_sub(sample.world_from_camera.translation, body);
-        s->pivot = v3(body.x, body.y, 0);
-        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12,
-                                  fmin(fmax(ORBIT_NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
+        view->pivot = v3(body.x, body.y, 0);
+        view->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12,
+                                     fmin(fmax(ORBIT_NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
         struct vec3 right = quat_rotate(sample.world_from_camera.rotation, v3(1, 0, 0));
-        s->right = v3_unit(v3(right.x, right.y, 0));
+        view->right = v3_unit(v3(right.x, right.y, 0));
         return;
     }
 }
@@ -110,46 +110,46 @@ enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct
 
 void take_view_close(struct take_view **out)
 {
-    struct take_view *s = *out;
-    if (!s)
+    struct take_view *view = *out;
+    if (!view)
         return;
-    avatar_builder_close(&s->builder);
-    prefetch_close(&s->prefetch); // before the renderer, whose avatar it uses
-    gpu_texture_close(&s->sources);
-    gpu_texture_close(&s->inset);
-    renderer_close(&s->renderer);
-    skeleton_track_close(&s->track);
-    take_skeletons_close(&s->skeletons);
-    take_close(&s->inset_take);
-    recording_free(&s->inset_recording);
-    take_close(&s->take);
-    recording_free(&s->recording);
-    free(s->codes);
-    free(s->colors);
-    free(s->path);
-    free(s);
+    avatar_builder_close(&view->builder);
+    prefetch_close(&view->prefetch); // before the renderer, whose avatar it uses
+    gpu_texture_close(&view->sources);
+    gpu_texture_close(&view->inset);
+    renderer_close(&view->renderer);
+    skeleton_track_close(&view->track);
+    take_skeletons_close(&view->skeletons);
+    take_close(&view->inset_take);
+    recording_free(&view->inset_recording);
+    take_close(&view->take);
+    recording_free(&view->recording);
+    free(view->codes);
+    free(view->colors);
+    free(view->path);
+    free(view);
     *out = NULL;
 }
 
-int64_t take_view_frames_decoded(const struct take_view *s) { return take_frames_decoded(s->take); }
+int64_t take_view_frames_decoded(const struct take_view *view) { return take_frames_decoded(view->take); }
 
-int64_t take_view_frames(const struct take_view *s) { return take_frame_count(s->take); }
+int64_t take_view_frames(const struct take_view *view) { return take_frame_count(view->take); }
 
-bool take_view_is_located(const struct take_view *s) { return s && take_is_located(s->take); }
+bool take_view_is_located(const struct take_view *view) { return view && take_is_located(view->take); }
 
-int64_t take_view_length_ns(const struct take_view *s)
+int64_t take_view_length_ns(const struct take_view *view)
 {
-    return take_entry(s->take, take_view_frames(s) - 1)->time_ns - take_entry(s->take, 0)->time_ns;
+    return take_entry(view->take, take_view_frames(view) - 1)->time_ns - take_entry(view->take, 0)->time_ns;
 }
 
 // Mean time from one recorded frame to the next.
-static int64_t frame_step_ns(const struct take_view *s)
+static int64_t frame_step_ns(const struct take_view *view)
 {
-    int64_t frames = take_view_frames(s);
-    return frames > 1 ? take_view_length_ns(s) / (frames - 1) : 1;
+    int64_t frames = take_view_frames(view);
+    return frames > 1 ? take_view_length_ns(view) / (frames - 1) : 1;
 }
 
-struct orbit take_view_orbit(const struct take_view *s) { return s->orbit; }
+struct orbit take_view_orbit(const struct take_view *view) { return view->orbit; }
 
 struct lens take_view_orbit_lens(int width, int height, struct ui_box free)
 {
@@ -160,22 +160,22 @@ struct lens take_view_orbit_lens(int width, int height, struct ui_box free)
 
 // ---------------------------------------------------------------- placement
 
-static struct vec3 reflect(const struct take_view *s, struct vec3 p)
+static struct vec3 reflect_point(const struct take_view *view, struct vec3 p)
 {
-    return v3_sub(p, v3_scale(s->right, 2 * v3_dot(s->right, v3_sub(p, s->pivot))));
+    return v3_sub(p, v3_scale(view->right, 2 * v3_dot(view->right, v3_sub(p, view->pivot))));
 }
 
 // The camera pose in the take's world. Mirrored: of the camera reflected in the mirror plane; its image flipped left to
 // right shows the actor mirrored.
-static struct pose take_from_camera(const struct take_view *s, const struct take_view_request *request)
+static struct pose take_from_camera(const struct take_view *view, const struct take_view_request *request)
 {
-    struct pose world_from_take = placement_pose(&request->placement, s->pivot);
+    struct pose world_from_take = placement_pose(&request->placement, view->pivot);
     struct pose camera = pose_multiply(pose_inverse(world_from_take), request->world_from_camera);
     if (!request->placement.mirrored)
         return camera;
     double m[3][3], r[3][3];
     quat_to_matrix(camera.rotation, m);
-    const double n[3] = {s->right.x, s->right.y, s->right.z};
+    const double n[3] = {view->right.x, view->right.y, view->right.z};
     for (int column = 0; column < 3; column++) {
         double along = 0;
         for (int i = 0; i < 3; i++)
@@ -183,7 +183,7 @@ static struct pose take_from_camera(const struct take_view *s, const struct take
         for (int i = 0; i < 3; i++)
             r[i][column] = (m[i][column] - 2 * n[i] * along) * (column == 0 ? -1 : 1);
     }
-    return (struct pose){quat_from_matrix(r), reflect(s, camera.translation)};
+    return (struct pose){quat_from_matrix(r), reflect_point(view, camera.translation)};
 }
 
 static struct lens lens_for(const struct take_view_request *request)
@@ -197,21 +197,21 @@ static struct lens lens_for(const struct take_view_request *request)
 }
 
 // The request's overlay in the axes of the camera whose image is flipped later where it is mirrored.
-static struct overlay place_overlay(struct take_view *s, const struct take_view_request *request)
+static struct overlay place_overlay(struct take_view *view, const struct take_view_request *request)
 {
     const struct overlay *from = request->overlay;
     const struct pose camera_from_world = pose_inverse(request->world_from_camera);
     const double sign = request->placement.mirrored ? -1 : 1;
-    struct overlay out = {.strokes = s->strokes, .groups = s->groups};
-    for (int i = 0; i < from->stroke_count && i < OVERLAY_STROKES_MOST; i++) {
-        struct overlay_stroke *to = &s->strokes[out.stroke_count++];
+    struct overlay out = {.strokes = view->strokes, .groups = view->groups};
+    for (int i = 0; i < from->stroke_count && i < OVERLAY_STROKES_MAX; i++) {
+        struct overlay_stroke *to = &view->strokes[out.stroke_count++];
         *to = from->strokes[i];
         to->from = pose_apply(camera_from_world, to->from);
         to->to = pose_apply(camera_from_world, to->to);
         to->from.x *= sign, to->to.x *= sign;
     }
-    for (int g = 0; g < from->group_count && g < OVERLAY_GROUPS_MOST; g++) {
-        struct overlay_group *to = &s->groups[out.group_count++];
+    for (int g = 0; g < from->group_count && g < OVERLAY_GROUPS_MAX; g++) {
+        struct overlay_group *to = &view->groups[out.group_count++];
         for (int i = 0; i < OVERLAY_POINTS; i++) {
             to->point[i] = pose_apply(camera_from_world, from->groups[g].point[i]);
             to->point[i].x *= sign;
@@ -220,10 +220,10 @@ static struct overlay place_overlay(struct take_view *s, const struct take_view_
     return out;
 }
 
-static void place_skeleton(const struct take_view *s, const struct take_view_request *request,
+static void place_skeleton(const struct take_view *view, const struct take_view_request *request,
                            const struct track_sample *sample, struct take_view_image *out)
 {
-    struct pose world_from_take = placement_pose(&request->placement, s->pivot);
+    struct pose world_from_take = placement_pose(&request->placement, view->pivot);
     out->has_skeleton = true;
     out->frame = sample->frame;
     out->skeleton = sample->skeleton;
@@ -231,7 +231,7 @@ static void place_skeleton(const struct take_view *s, const struct take_view_req
     int feet = 0;
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = sample->skeleton.joint[j];
-        p = pose_apply(world_from_take, request->placement.mirrored ? reflect(s, p) : p);
+        p = pose_apply(world_from_take, request->placement.mirrored ? reflect_point(view, p) : p);
         out->skeleton.joint[j] = p;
         bool low = j == JOINT_LEFT_FOOT || j == JOINT_RIGHT_FOOT;
         if (low && sample->skeleton.confidence[j] > 0) {
@@ -267,100 +267,100 @@ static void color_code(const uint8_t code[3], uint8_t rgba[4])
     rgba[3] = code[0] < 40 ? 0 : (uint8_t)opacity;
 }
 
-static enum status draw_sources(struct take_view *s, int width, int height, struct take_view_image *out)
+static enum status draw_sources(struct take_view *view, int width, int height, struct take_view_image *out)
 {
     size_t pixels = (size_t)width * (size_t)height;
-    uint8_t *codes = realloc(s->codes, 3 * pixels);
-    s->codes = codes ? codes : s->codes;
-    uint8_t *colors = realloc(s->colors, 4 * pixels);
-    s->colors = colors ? colors : s->colors;
+    uint8_t *codes = realloc(view->codes, 3 * pixels);
+    view->codes = codes ? codes : view->codes;
+    uint8_t *colors = realloc(view->colors, 4 * pixels);
+    view->colors = colors ? colors : view->colors;
     if (!codes || !colors)
         return fail(ERR_MEMORY, "no memory for the take");
-    enum status status = renderer_read_source(s->renderer, codes);
+    enum status status = renderer_read_source(view->renderer, codes);
     if (status != OK)
         return status;
     for (size_t i = 0; i < pixels; i++)
         color_code(codes + 3 * i, colors + 4 * i);
     const struct gpu_texture_layout layout = {GPU_RGBA8, width, height, GPU_LINEAR};
-    status = gpu_texture_put(&s->sources, s->gpu, &layout, colors);
-    out->sources = s->sources;
+    status = gpu_texture_put(&view->sources, view->gpu, &layout, colors);
+    out->sources = view->sources;
     return status;
 }
 
 // The sensor's image, into what was asked for.
-static enum status upload_inset(struct take_view *s, const struct take_view_request *request, int64_t frame,
+static enum status upload_inset(struct take_view *view, const struct take_view_request *request, int64_t frame,
                                 struct take_view_image *out)
 {
-    const struct lens *color = &take_calibration(s->inset_take)->color;
-    if (frame < 0 || !take_entry(s->inset_take, frame)->has_color)
+    const struct lens *color = &take_calibration(view->inset_take)->color;
+    if (frame < 0 || !take_entry(view->inset_take, frame)->has_color)
         return OK;
-    if (frame != s->inset_frame) {
+    if (frame != view->inset_frame) {
         struct take_images images;
-        enum status status = take_read(s->inset_take, frame, TAKE_COLOR, &images);
+        enum status status = take_read(view->inset_take, frame, TAKE_COLOR, &images);
         const struct gpu_texture_layout layout = {GPU_RGB8, color->width, color->height, GPU_LINEAR};
         if (status == OK && images.color)
-            status = gpu_texture_put(&s->inset, s->gpu, &layout, images.color);
+            status = gpu_texture_put(&view->inset, view->gpu, &layout, images.color);
         if (status != OK && status != ERR_CORRUPT) // a damaged frame costs itself alone
             return status;
-        s->inset_frame = frame;
+        view->inset_frame = frame;
     }
-    out->inset = request->inset ? s->inset : NULL;
-    out->sensor = s->stood_in ? s->inset : NULL;
+    out->inset = request->inset ? view->inset : NULL;
+    out->sensor = view->stood_in ? view->inset : NULL;
     out->inset_aspect = out->sensor_aspect = (double)color->width / color->height;
     return OK;
 }
 
-static bool same(const struct lens *a, const struct lens *b) { return !memcmp(a, b, sizeof *a); }
+static bool are_lenses_same(const struct lens *a, const struct lens *b) { return !memcmp(a, b, sizeof *a); }
 
-static enum status ensure_renderer(struct take_view *s, const struct lens *lens)
+static enum status ensure_renderer(struct take_view *view, const struct lens *lens)
 {
     enum status status = OK;
-    if (!s->renderer) {
+    if (!view->renderer) {
         struct renderer_options how = renderer_default_options();
-        how.skeletons = s->skeletons;
+        how.skeletons = view->skeletons;
         how.detail = DETAIL_AUTO;
         how.sources = how.shadow = how.avatar_later = true;
-        status = renderer_open(&s->renderer, s->gpu, s->take, lens, &how);
-        if (status == OK && s->builder) {
-            avatar_builder_await_kept(s->builder, KEPT_NS);
-            status = take_view_adopt_avatar(s);
+        status = renderer_open(&view->renderer, view->gpu, view->take, lens, &how);
+        if (status == OK && view->builder) {
+            avatar_builder_await_kept(view->builder, KEPT_NS);
+            status = take_view_adopt_avatar(view);
         }
-    } else if (!same(lens, &s->drawn_lens)) {
-        status = renderer_set_lens(s->renderer, lens);
+    } else if (!are_lenses_same(lens, &view->drawn_lens)) {
+        status = renderer_set_lens(view->renderer, lens);
     }
-    s->drawn_lens = *lens;
+    view->drawn_lens = *lens;
     return status;
 }
 
-double take_view_progress(const struct take_view *s)
+double take_view_progress(const struct take_view *view)
 {
-    return s->builder && !s->has_full ? avatar_builder_progress(s->builder) : 1;
+    return view->builder && !view->has_full ? avatar_builder_progress(view->builder) : 1;
 }
 
-bool take_view_waiting(const struct take_view *s) { return s->substituted; }
+bool take_view_waiting(const struct take_view *view) { return view->substituted; }
 
 // Until the layer is resident nothing better can be drawn, and drawing again would take processor time from its
 // loading.
-bool take_view_final(const struct take_view *s)
+bool take_view_final(const struct take_view *view)
 {
-    const bool better =
-        s->substituted && (prefetch_has(s->prefetch, s->awaited) || clock_now_ns() - s->awaited_ns >= AWAIT_NS);
-    return !s->renderer || (renderer_upload_done(s->renderer) && !better && !s->outdated);
+    const bool better = view->substituted &&
+                        (prefetch_has(view->prefetch, view->awaited) || clock_now_ns() - view->awaited_ns >= AWAIT_NS);
+    return !view->renderer || (renderer_upload_done(view->renderer) && !better && !view->outdated);
 }
 
 // Nothing whole can be drawn: not yet, or, once the full avatar should be there, never.
-static bool lacks_body(const struct take_view *s) { return !(s->renderer && renderer_avatar(s->renderer)); }
+static bool lacks_body(const struct take_view *view) { return !(view->renderer && renderer_avatar(view->renderer)); }
 
 // The prefetch works with the avatar before, so it ends first. The upload of a few megabytes is a hitch of some
 // milliseconds; in steps it would show cylinders for many images, also between the simple avatar and the full one.
-static enum status adopt(struct take_view *s, struct avatar *avatar, enum status made)
+static enum status adopt_avatar(struct take_view *view, struct avatar *avatar, enum status made)
 {
-    if (made != OK && !lacks_body(s))
+    if (made != OK && !lacks_body(view))
         return made < 0 ? made : OK; // the simple one remains
-    prefetch_close(&s->prefetch);
-    const enum status given = renderer_set_avatar(s->renderer, made == OK ? avatar : NULL);
+    prefetch_close(&view->prefetch);
+    const enum status given = renderer_set_avatar(view->renderer, made == OK ? avatar : NULL);
     if (given == OK)
-        renderer_finish_upload(s->renderer);
+        renderer_finish_upload(view->renderer);
     return made < 0 ? made : given;
 }
 
@@ -373,7 +373,7 @@ enum status take_view_adopt_avatar(struct take_view *s)
         return OK;
     const enum avatar_news news = avatar_builder_take(s->builder, &avatar, &made);
     if (news != AVATAR_NO_NEWS)
-        status = adopt(s, &avatar, made);
+        status = adopt_avatar(s, &avatar, made);
     s->has_full |= news == AVATAR_FULL;
     s->outdated |= news != AVATAR_NO_NEWS;
     if (avatar_builder_take_occluders(s->builder, &occluders)) {
@@ -389,21 +389,21 @@ enum status take_view_adopt_avatar(struct take_view *s)
 }
 
 // The frames that the next drawings are predicted to show and the renderer does not hold.
-static int predict_frames(struct take_view *s, const struct take_view_request *request, int64_t frames[PREFETCH_MAX])
+static int predict_frames(struct take_view *view, const struct take_view_request *request, int64_t frames[PREFETCH_MAX])
 {
     const struct playback_now now = {.at_ns = request->time_ns,
-                                     .length_ns = take_view_length_ns(s),
-                                     .frame_ns = frame_step_ns(s),
+                                     .length_ns = take_view_length_ns(view),
+                                     .frame_ns = frame_step_ns(view),
                                      .playing = request->playing,
                                      .loop = request->loop,
                                      .clock_ns = clock_now_ns(),
-                                     .load_ns = prefetch_load_ns(s->prefetch)};
+                                     .load_ns = prefetch_load_ns(view->prefetch)};
     int64_t at_ns[PREDICTED_MAX];
-    int predicted = playback_predict(&s->predictor, &now, at_ns), count = 0;
+    int predicted = playback_predict(&view->predictor, &now, at_ns), count = 0;
     for (int i = 0; i < predicted && count < PREFETCH_MAX; i++) {
         struct track_sample sample;
-        bool listed = skeleton_track_at(s->track, at_ns[i], false, &sample) != OK ||
-                      renderer_nearest_resident_frame(s->renderer, sample.frame, 0) >= 0;
+        bool listed = skeleton_track_at(view->track, at_ns[i], false, &sample) != OK ||
+                      renderer_nearest_resident_frame(view->renderer, sample.frame, 0) >= 0;
         for (int k = 0; k < count; k++)
             listed |= frames[k] == sample.frame;
         if (!listed)
@@ -413,80 +413,80 @@ static int predict_frames(struct take_view *s, const struct take_view_request *r
 }
 
 // How far in time a resident frame may be from the shown one to stand in for it.
-static int64_t frame_tolerance_ns(struct take_view *s, const struct take_view_request *request, int64_t frame)
+static int64_t frame_tolerance_ns(struct take_view *view, const struct take_view_request *request, int64_t frame)
 {
     const int64_t now_ns = clock_now_ns();
     if (request->sources)
         return 0;
     if (request->playing)
         return ANY_NS;
-    if (frame != s->awaited)
-        s->awaited = frame, s->awaited_ns = now_ns;
-    return now_ns - s->awaited_ns < AWAIT_NS ? ANY_NS : 0;
+    if (frame != view->awaited)
+        view->awaited = frame, view->awaited_ns = now_ns;
+    return now_ns - view->awaited_ns < AWAIT_NS ? ANY_NS : 0;
 }
 
 // Puts the frame before those wanted already, which are kept: while a user drags along the timeline the shown frame can
 // change before a load ends.
-static void request_first(struct take_view *s, int64_t frame)
+static void request_first(struct take_view *view, int64_t frame)
 {
     int64_t before[PREFETCH_MAX];
-    const int count = s->next_count;
-    memcpy(before, s->next, sizeof before);
-    s->next[0] = frame;
-    s->next_count = 1;
-    for (int i = 0; i < count && s->next_count < PREFETCH_MAX; i++)
-        if (before[i] != frame && renderer_nearest_resident_frame(s->renderer, before[i], 0) < 0)
-            s->next[s->next_count++] = before[i];
+    const int count = view->next_count;
+    memcpy(before, view->next, sizeof before);
+    view->next[0] = frame;
+    view->next_count = 1;
+    for (int i = 0; i < count && view->next_count < PREFETCH_MAX; i++)
+        if (before[i] != frame && renderer_nearest_resident_frame(view->renderer, before[i], 0) < 0)
+            view->next[view->next_count++] = before[i];
 }
 
 // Gives loaded layers to the renderer. Waits for the shown frame's only where no resident frame within `within_ns` can
 // stand in for it.
-static enum status use_prefetched(struct take_view *s, const struct take_view_request *request, int64_t frame,
+static enum status use_prefetched(struct take_view *view, const struct take_view_request *request, int64_t frame,
                                   int64_t within_ns)
 {
-    const struct avatar *avatar = renderer_avatar(s->renderer);
-    const struct frame_prefetch_options how = {s->path, s->take, s->skeletons, avatar};
+    const struct avatar *avatar = renderer_avatar(view->renderer);
+    const struct frame_prefetch_options how = {view->path, view->take, view->skeletons, avatar};
     struct frame_layer loaded;
     enum status status = OK;
     if (!avatar)
         return OK;
-    if (!s->prefetch)
-        status = prefetch_start(&s->prefetch, &how);
-    while (status == OK && prefetch_take_any(s->prefetch, &loaded))
-        status = renderer_add_frame(s->renderer, &loaded);
+    if (!view->prefetch)
+        status = prefetch_start(&view->prefetch, &how);
+    while (status == OK && prefetch_take_any(view->prefetch, &loaded))
+        status = renderer_add_frame(view->renderer, &loaded);
     if (status != OK)
         return status;
-    playback_predictor_report(&s->predictor, renderer_nearest_resident_frame(s->renderer, frame, 0) >= 0);
-    if (renderer_nearest_resident_frame(s->renderer, frame, within_ns) < 0 &&
-        prefetch_take(s->prefetch, frame, &loaded))
-        status = renderer_add_frame(s->renderer, &loaded);
+    playback_predictor_report(&view->predictor, renderer_nearest_resident_frame(view->renderer, frame, 0) >= 0);
+    if (renderer_nearest_resident_frame(view->renderer, frame, within_ns) < 0 &&
+        prefetch_take(view->prefetch, frame, &loaded))
+        status = renderer_add_frame(view->renderer, &loaded);
     if (status != OK)
         return status;
     int64_t predicted[PREFETCH_MAX];
-    const int count = predict_frames(s, request, predicted);
-    s->substituted = !request->playing && renderer_nearest_resident_frame(s->renderer, frame, 0) < 0 &&
-                     renderer_nearest_resident_frame(s->renderer, frame, within_ns) >= 0;
-    if (s->substituted) {
-        request_first(s, frame);
+    const int count = predict_frames(view, request, predicted);
+    view->substituted = !request->playing && renderer_nearest_resident_frame(view->renderer, frame, 0) < 0 &&
+                        renderer_nearest_resident_frame(view->renderer, frame, within_ns) >= 0;
+    if (view->substituted) {
+        request_first(view, frame);
     } else {
-        s->next_count = count;
-        memcpy(s->next, predicted, sizeof s->next);
+        view->next_count = count;
+        memcpy(view->next, predicted, sizeof view->next);
     }
     return OK;
 }
 
-enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MOST], int *count)
+enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MAX], int *count)
 {
     *count = 0;
     return s->renderer ? renderer_read_seen(s->renderer, share, count) : OK;
 }
 
-void take_view_presented(struct take_view *s)
+void take_view_presented(struct take_view *view)
 {
-    if (s->builder && s->drawn)
-        avatar_builder_begin(s->builder);
-    if (s->prefetch)
-        prefetch_request(s->prefetch, s->next, s->next_count);
+    if (view->builder && view->drawn)
+        avatar_builder_begin(view->builder);
+    if (view->prefetch)
+        prefetch_request(view->prefetch, view->next, view->next_count);
 }
 
 // Pixels as shares of the image, which is flipped later.
@@ -500,60 +500,60 @@ static struct ui_uv_rect part_within(const struct renderer_result *drawn, bool f
     return (struct ui_uv_rect){flip_x ? 1 - right : left, top, flip_x ? 1 - left : right, bottom};
 }
 
-static void set_body(const struct take_view *s, struct take_view_image *out)
+static void set_body(const struct take_view *view, struct take_view_image *out)
 {
-    out->making = lacks_body(s) && !s->has_full;
-    out->bodiless = lacks_body(s) && s->has_full;
+    out->making = lacks_body(view) && !view->has_full;
+    out->bodiless = lacks_body(view) && view->has_full;
 }
 
-static enum status draw_actor(struct take_view *s, const struct take_view_request *request, int64_t frame,
+static enum status draw_actor(struct take_view *take_view, const struct take_view_request *request, int64_t frame,
                               struct take_view_image *out)
 {
     struct lens lens = lens_for(request);
     struct affine_map viewer_from_room = affine_from_pose(pose_inverse(request->world_from_camera));
     for (int i = 0; i < 4 && request->placement.mirrored; i++)
         viewer_from_room.row[0][i] = -viewer_from_room.row[0][i]; // the image is flipped later
-    struct renderer_view view = {.world_from_camera = take_from_camera(s, request),
+    struct renderer_view view = {.world_from_camera = take_from_camera(take_view, request),
                                  .time_ns = request->time_ns,
                                  .viewer_from_room = request->camera || request->in_room
                                                          ? &viewer_from_room
                                                          : NULL, // an empty ground shows none
                                  .room_front = !request->camera,
-                                 .within_ns = frame_tolerance_ns(s, request, frame)};
+                                 .within_ns = frame_tolerance_ns(take_view, request, frame)};
     struct renderer_result result;
     struct overlay overlay;
     if (request->overlay) {
-        overlay = place_overlay(s, request);
+        overlay = place_overlay(take_view, request);
         view.overlay = &overlay;
     }
-    enum status status = ensure_renderer(s, &lens);
+    enum status status = ensure_renderer(take_view, &lens);
     if (status != OK)
         return status;
-    renderer_set_resolution_scale(s->renderer, request->resolution_scale);
-    renderer_set_sources(s->renderer, request->sources);
-    renderer_set_error(s->renderer, request->error_px);
-    status = frame >= 0 ? use_prefetched(s, request, frame, view.within_ns) : OK;
+    renderer_set_resolution_scale(take_view->renderer, request->resolution_scale);
+    renderer_set_sources(take_view->renderer, request->sources);
+    renderer_set_error(take_view->renderer, request->error_px);
+    status = frame >= 0 ? use_prefetched(take_view, request, frame, view.within_ns) : OK;
     if (status == OK)
-        status = renderer_draw(s->renderer, &view, &result);
+        status = renderer_draw(take_view->renderer, &view, &result);
     if (status != OK)
         return status;
-    s->drawn = true;
-    out->actor = renderer_actor_texture(s->renderer);
-    out->shadow = renderer_shadow_texture(s->renderer);
-    out->overlay = renderer_overlay_texture(s->renderer);
+    take_view->drawn = true;
+    out->actor = renderer_actor_texture(take_view->renderer);
+    out->shadow = renderer_shadow_texture(take_view->renderer);
+    out->overlay = renderer_overlay_texture(take_view->renderer);
     out->prepared = result.level != DETAIL_PAPER;
-    out->full = out->prepared && s->has_full;
+    out->full = out->prepared && take_view->has_full;
     out->actor_part = part_within(&result, request->placement.mirrored);
     out->flip_x = request->placement.mirrored;
     out->parts = result.parts;
-    set_body(s, out);
+    set_body(take_view, out);
     if (out->making || out->bodiless) { // parts with gaps between them are no body
         out->actor = out->shadow = NULL;
         out->prepared = out->full = false;
         out->parts = 0;
         return OK;
     }
-    return request->sources ? draw_sources(s, result.width, result.height, out) : OK;
+    return request->sources ? draw_sources(take_view, result.width, result.height, out) : OK;
 }
 
 enum status take_view_draw(struct take_view *s, const struct take_view_request *request, struct take_view_image *out)

@@ -10,9 +10,9 @@
 #pragma once
 #include "app/state/orbit.h"
 #include "app/state/view_state.h"
-#include "recording/recording.h"
 #include "platform/screen/gpu.h"
 #include "platform/screen/ui.h"
+#include "recording/recording.h"
 #include "reenact/render/depth_overlay.h"
 
 struct take_view;
@@ -32,15 +32,16 @@ void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; can
 // Adopts the avatar when it is finished. An error, once: it could not be built, and the sentence says why; drawing goes
 // on without it; or it was built and the recording cannot keep it.
 MUST_CHECK enum status take_view_adopt_avatar(struct take_view *s);
-double take_view_progress(const struct take_view *s); // share of the avatar's work, 0..1; 1: nothing is running
-bool take_view_final(const struct take_view *s);      // false: drawing the same request again would improve it
-bool take_view_waiting(const struct take_view *s); // the frame that is shown is still being loaded; another stands in
+double take_view_progress(const struct take_view *view); // share of the avatar's work, 0..1; 1: nothing is running
+bool take_view_final(const struct take_view *view);      // false: drawing the same request again would improve it
+bool take_view_waiting(
+    const struct take_view *view); // the frame that is shown is still being loaded; another stands in
 
-int64_t take_view_length_ns(const struct take_view *s);
-int64_t take_view_frames_decoded(const struct take_view *s); // so far, on all threads
-int64_t take_view_frames(const struct take_view *s);
-bool take_view_is_located(const struct take_view *s);    // take_is_located; false for NULL, no take
-struct orbit take_view_orbit(const struct take_view *s); // starts at the sensor's viewpoint
+int64_t take_view_length_ns(const struct take_view *view);
+int64_t take_view_frames_decoded(const struct take_view *view); // so far, on all threads
+int64_t take_view_frames(const struct take_view *view);
+bool take_view_is_located(const struct take_view *view);    // take_is_located; false for NULL, no take
+struct orbit take_view_orbit(const struct take_view *view); // starts at the sensor's viewpoint
 
 struct take_view_request {
     struct lens lens; // of the image to draw
@@ -97,10 +98,10 @@ MUST_CHECK enum status take_view_draw(struct take_view *s, const struct take_vie
 
 // Of each group of the last request.overlay that was drawn the share that is seen (depth_overlay_read). *count: 0: none
 // was drawn yet. ERR_DEVICE.
-MUST_CHECK enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MOST], int *count);
+MUST_CHECK enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MAX], int *count);
 
 // To be called after the image was presented: starts loading what the next ones are predicted to show.
-void take_view_presented(struct take_view *s);
+void take_view_presented(struct take_view *view);
 
 // From so far a metre at the orbit's centre is the lens's fx / ORBIT_NEAREST_M pixels.
 static const double ORBIT_NEAREST_M = 3;

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PATH_BYTES = 1024, MOST_BYTES = 4096 }; // a larger file is none of ours
+enum { PATH_BYTES = 1024, MAX_BYTES = 4096 }; // a larger file is none of ours
 
 bool settings_file_path(char *out, size_t capacity)
 {
@@ -23,7 +23,7 @@ void settings_file_read(const char *path, struct settings *settings, char *why, 
 {
     uint8_t *bytes = NULL;
     size_t count = 0;
-    char text[MOST_BYTES + 1];
+    char text[MAX_BYTES + 1];
     *why = 0;
     if (!file_exists(path))
         return;
@@ -31,7 +31,7 @@ void settings_file_read(const char *path, struct settings *settings, char *why, 
         snprintf(why, capacity, "%s", status_message());
         return;
     }
-    const bool fits = count <= MOST_BYTES && !memchr(bytes, 0, count);
+    const bool fits = count <= MAX_BYTES && !memchr(bytes, 0, count);
     if (fits) {
         memcpy(text, bytes, count);
         text[count] = 0;
@@ -55,7 +55,7 @@ enum status settings_file_write(const char *path, const struct settings *setting
     return file_write(path, text, (size_t)settings_write(settings, text));
 }
 
-void settings_keeper_open(struct settings_keeper *k, const char *path, struct settings *settings, bool light,
+void settings_keeper_open(struct settings_keeper *keeper, const char *path, struct settings *settings, bool light,
                           double text_size)
 {
     char why[512] = "";
@@ -65,16 +65,16 @@ void settings_keeper_open(struct settings_keeper *k, const char *path, struct se
         fprintf(stderr, "%s\n", why);
     settings->dark &= !light;
     settings->text_size = text_size > 0 ? text_size : settings->text_size;
-    *k = (struct settings_keeper){.path = path, .kept = *settings};
+    *keeper = (struct settings_keeper){.path = path, .kept = *settings};
 }
 
-void settings_keeper_update(struct settings_keeper *k, const struct settings *now)
+void settings_keeper_update(struct settings_keeper *keeper, const struct settings *now)
 {
-    if (!k->path || k->fails || settings_equal(now, &k->kept))
+    if (!keeper->path || keeper->fails || settings_equal(now, &keeper->kept))
         return;
-    k->kept = *now;
-    if (settings_file_write(k->path, now) == OK)
+    keeper->kept = *now;
+    if (settings_file_write(keeper->path, now) == OK)
         return;
-    k->fails = true;
+    keeper->fails = true;
     fprintf(stderr, "what is chosen is not kept: %s\n", status_message());
 }

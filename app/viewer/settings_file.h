@@ -21,7 +21,7 @@ struct settings_keeper {
 };
 // What the user chose last, in place of *settings, then what this start asks for: light colours, a text size (0: none).
 // The file does without the latter until something is chosen. Says on stderr what the file holds that is no setting.
-void settings_keeper_open(struct settings_keeper *k, const char *path, struct settings *settings, bool light,
+void settings_keeper_open(struct settings_keeper *keeper, const char *path, struct settings *settings, bool light,
                           double text_size);
 // Writes the file where something was chosen since.
-void settings_keeper_update(struct settings_keeper *k, const struct settings *now);
+void settings_keeper_update(struct settings_keeper *keeper, const struct settings *now);

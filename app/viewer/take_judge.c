@@ -12,44 +12,46 @@
 
 static const int64_t CARDS_NS = 50000000; // how long one update may complete cards; chosen by hand
 
-static void adopt_verdict(struct viewer *v)
+static void adopt_verdict(struct viewer *viewer)
 {
     struct take_verdict verdict;
     int number;
     bool good;
-    if (!v->judge || !take_judge_take(v->judge, &number, &verdict, &good))
+    if (!viewer->judge || !take_judge_take(viewer->judge, &number, &verdict, &good))
         return;
     if (good)
-        take_list_say(&v->takes.cards[number], &verdict);
+        take_list_say(&viewer->takes.cards[number], &verdict);
     else
-        v->takes.cards[number].unjudgeable = true;
-    v->state.changed = true;
+        viewer->takes.cards[number].unjudgeable = true;
+    viewer->state.changed = true;
 }
 
 // A thread for which there is no memory is tried again with the next update.
-static void ask_for_verdict(struct viewer *v)
+static void ask_for_verdict(struct viewer *viewer)
 {
-    const int wanted = take_list_unjudged(&v->takes, v->screens.first_in_sight, v->screens.end_in_sight);
+    const int wanted = take_list_unjudged(&viewer->takes, viewer->screens.first_in_sight, viewer->screens.end_in_sight);
     if (wanted < 0)
         return;
-    if (v->judge || take_judge_start(&v->judge, v->options.file, v->options.wake, v->options.wake_self) == OK)
-        status_ignore(
-            take_judge_ask(v->judge, wanted, v->takes.cards[wanted].name)); // asked again with the next update
+    if (viewer->judge ||
+        take_judge_start(&viewer->judge, viewer->options.file, viewer->options.wake, viewer->options.wake_self) == OK)
+        status_ignore(take_judge_ask(viewer->judge, wanted,
+                                     viewer->takes.cards[wanted].name)); // asked again with the next update
 }
 
-bool viewer_takes_update(struct viewer *v)
+bool viewer_takes_update(struct viewer *viewer)
 {
-    if (v->state.page != PAGE_TAKES || !v->recording)
+    if (viewer->state.page != PAGE_TAKES || !viewer->recording)
         return false;
     const int64_t until_ns = clock_now_ns() + CARDS_NS;
     enum status status = OK;
     while (status == OK && clock_now_ns() < until_ns) {
-        status = take_list_load(&v->takes, v->gpu, v->recording, v->screens.first_in_sight, v->screens.end_in_sight);
-        v->state.changed |= status == OK;
+        status = take_list_load(&viewer->takes, viewer->gpu, viewer->recording, viewer->screens.first_in_sight,
+                                viewer->screens.end_in_sight);
+        viewer->state.changed |= status == OK;
     }
-    adopt_verdict(v);
+    adopt_verdict(viewer);
     if (status == NOTHING)
-        ask_for_verdict(v);
+        ask_for_verdict(viewer);
     return status == OK;
 }
 
@@ -78,18 +80,18 @@ static bool goes_on(void *self)
     return on;
 }
 
-static bool judge(struct take_judge *j, struct take_verdict *out)
+static bool judge_take(struct take_judge *judge, struct take_verdict *out)
 {
     struct recording *r;
-    const struct take_verdict_patience patience = {goes_on, j};
-    if (recording_open(&r, j->path) != OK)
+    const struct take_verdict_patience patience = {goes_on, judge};
+    if (recording_open(&r, judge->path) != OK)
         return false;
-    const enum status status = take_verdict_get(r, j->name, &patience, out);
+    const enum status status = take_verdict_get(r, judge->name, &patience, out);
     recording_free(&r);
     return status == OK;
 }
 
-static void *run(void *self)
+static void *run_judge(void *self)
 {
     struct take_judge *j = self;
     thread_lower_priority();
@@ -101,7 +103,7 @@ static void *run(void *self)
         }
         struct take_verdict verdict;
         pthread_mutex_unlock(&j->worker.lock);
-        const bool good = judge(j, &verdict);
+        const bool good = judge_take(j, &verdict);
         pthread_mutex_lock(&j->worker.lock);
         if (good)
             j->verdict = verdict;
@@ -125,7 +127,7 @@ enum status take_judge_start(struct take_judge **out, const char *path, void (*n
     j->notify = notify;
     j->notify_self = notify_self;
     worker_thread_open(&j->worker);
-    const enum status status = worker_thread_start(&j->worker, run, j, "to judge takes");
+    const enum status status = worker_thread_start(&j->worker, run_judge, j, "to judge takes");
     if (status != OK)
         take_judge_close(out);
     return status;
@@ -143,34 +145,34 @@ void take_judge_close(struct take_judge **out)
     *out = NULL;
 }
 
-bool take_judge_ask(struct take_judge *j, int number, const char *name)
+bool take_judge_ask(struct take_judge *judge, int number, const char *name)
 {
     bool asked = false;
-    pthread_mutex_lock(&j->worker.lock);
-    if (j->state == IDLE) {
-        free(j->name);
-        j->name = strdup(name);
-        j->number = number;
-        asked = j->name;
+    pthread_mutex_lock(&judge->worker.lock);
+    if (judge->state == IDLE) {
+        free(judge->name);
+        judge->name = strdup(name);
+        judge->number = number;
+        asked = judge->name;
     }
     if (asked) {
-        j->state = ASKED;
-        pthread_cond_signal(&j->worker.changed);
+        judge->state = ASKED;
+        pthread_cond_signal(&judge->worker.changed);
     }
-    pthread_mutex_unlock(&j->worker.lock);
+    pthread_mutex_unlock(&judge->worker.lock);
     return asked;
 }
 
-bool take_judge_take(struct take_judge *j, int *number, struct take_verdict *out, bool *good)
+bool take_judge_take(struct take_judge *judge, int *number, struct take_verdict *out, bool *good)
 {
-    pthread_mutex_lock(&j->worker.lock);
-    const bool answered = j->state == ANSWERED;
+    pthread_mutex_lock(&judge->worker.lock);
+    const bool answered = judge->state == ANSWERED;
     if (answered) {
-        *number = j->number;
-        *out = j->verdict;
-        *good = j->good;
-        j->state = IDLE;
+        *number = judge->number;
+        *out = judge->verdict;
+        *good = judge->good;
+        judge->state = IDLE;
     }
-    pthread_mutex_unlock(&j->worker.lock);
+    pthread_mutex_unlock(&judge->worker.lock);
     return answered;
 }

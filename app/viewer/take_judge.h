@@ -1,8 +1,9 @@
 // Judges takes whose file keeps no verdict, on a thread of its own, so that nothing waits for it. The file is only
 // read: the verdict is the caller's to keep in memory.
 #pragma once
-#include <stdbool.h>
 #include "recording/recorded_verdict.h"
+
+#include <stdbool.h>
 
 // ---------------------------------------------------------------- viewer takes
 
@@ -11,7 +12,7 @@
 struct viewer;
 
 // Call while the takes are listed. True: there are cards left to complete.
-bool viewer_takes_update(struct viewer *v);
+bool viewer_takes_update(struct viewer *viewer);
 
 // ---------------------------------------------------------------- take judge
 
@@ -23,7 +24,7 @@ MUST_CHECK enum status take_judge_start(struct take_judge **out, const char *pat
 void take_judge_close(struct take_judge **j); // NULL is fine; waits for the frame that is being looked at
 
 // Judge the take `number`. False: another is being judged, or its verdict was not taken yet.
-bool take_judge_ask(struct take_judge *j, int number, const char *name);
+bool take_judge_ask(struct take_judge *judge, int number, const char *name);
 
 // The verdict, once. False: not there (yet). *good: the take could be judged.
-bool take_judge_take(struct take_judge *j, int *number, struct take_verdict *out, bool *good);
+bool take_judge_take(struct take_judge *judge, int *number, struct take_verdict *out, bool *good);

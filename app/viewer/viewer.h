@@ -3,13 +3,13 @@
 // One thread, the GPU's. The camera feed, the avatar builder and the judge of takes have threads of their own.
 #pragma once
 #include "app/camera/camera_feed.h"
-#include "app/viewer/settings_file.h"
-#include "app/viewer/take_judge.h"
+#include "app/camera/camera_texture.h"
 #include "app/state/frame_times.h"
 #include "app/ui/input_map.h"
 #include "app/ui/take_list.h"
 #include "app/view/take_view.h"
-#include "app/camera/camera_texture.h"
+#include "app/viewer/settings_file.h"
+#include "app/viewer/take_judge.h"
 #include "app/viewer/viewer_live.h"
 #include "app/viewer/viewer_room.h"
 
@@ -80,14 +80,14 @@ struct viewer {
 
 // ERR_DEVICE, ERR_MEMORY: call viewer_close. A file that cannot be read is no error here; the screen says so.
 MUST_CHECK enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_options *options);
-void viewer_close(struct viewer *v); // zeroed is fine
+void viewer_close(struct viewer *viewer); // zeroed is fine
 
 // The screen is hidden or shown again. While it is hidden the camera is closed and the playback stands still.
-void viewer_suspend(struct viewer *v, bool suspend, int64_t now_ns);
+void viewer_suspend(struct viewer *viewer, bool suspend, int64_t now_ns);
 
 // Takes the camera's newest frame, opens the chosen take, advances to now_ns. Returns when to call it again at the
-// latest; v->state.changed says whether to draw.
-int64_t viewer_update(struct viewer *v, int64_t now_ns);
+// latest; viewer->state.changed says whether to draw.
+int64_t viewer_update(struct viewer *viewer, int64_t now_ns);
 
 struct viewer_surface {
     struct gpu_target *target; // NULL: the window
@@ -102,11 +102,11 @@ MUST_CHECK enum status viewer_draw_opening(struct viewer *v, const struct viewer
 MUST_CHECK enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns);
 
 // The frame has been handed to the display: completes its times and starts the present gap.
-void viewer_presented(struct viewer *v, int64_t now_ns);
+void viewer_presented(struct viewer *viewer, int64_t now_ns);
 
 // An event of the window; input that is older than the page it would land on is dropped. True: draw a frame before
 // passing the next one.
-bool viewer_event(struct viewer *v, const struct window_event *event, double px_per_dp, int64_t now_ns);
+bool viewer_event(struct viewer *viewer, const struct window_event *event, double px_per_dp, int64_t now_ns);
 
 // Whether two requests would draw the same. Compares the fields, not the bytes: padding does not count.
 bool view_request_equal(const struct take_view_request *a, const struct take_view_request *b);

@@ -1,7 +1,6 @@
-#include "app/viewer/viewer.h"
-
 #include "app/live/live_occlusion.h"
 #include "app/live/pose_figure.h"
+#include "app/viewer/viewer.h"
 #include "base/clamp.h"
 #include "base/clock.h"
 #include "compare/findings.h"
@@ -20,35 +19,35 @@ static const double NEXT_S = 0.45;                   // the ghost is so far ahea
 static const double FIGURE_MIDDLE_M = 0.85;          // of the summary's figures, over their feet
 static const int64_t FROZEN_NS = 1500000000;
 
-static int32_t frame_at(const struct viewer_live *l, int64_t take_ns)
+static int32_t frame_at(const struct viewer_live *live, int64_t take_ns)
 {
-    const int32_t f = (int32_t)lround((double)(take_ns - l->offset_ns) * 1e-9 * MOVEMENT_RATE_HZ);
-    return clamp_int(f, 0, l->reference.count - 1);
+    const int32_t f = (int32_t)lround((double)(take_ns - live->offset_ns) * 1e-9 * MOVEMENT_RATE_HZ);
+    return clamp_int(f, 0, live->reference.count - 1);
 }
 
-static int64_t take_time_of(const struct viewer_live *l, double frame)
+static int64_t take_time_of(const struct viewer_live *live, double frame)
 {
-    return l->offset_ns + (int64_t)(frame / MOVEMENT_RATE_HZ * 1e9);
+    return live->offset_ns + (int64_t)(frame / MOVEMENT_RATE_HZ * 1e9);
 }
 
 // What an attempt is judged by.
-static const struct movement *reference_of(const struct viewer_live *l, bool mirrored)
+static const struct movement *reference_of(const struct viewer_live *live, bool mirrored)
 {
-    return mirrored ? &l->mirrored : &l->reference;
+    return mirrored ? &live->mirrored : &live->reference;
 }
 
 // ---------------------------------------------------------------- opening
 
-static enum status read_take(struct viewer *v, const char *name)
+static enum status read_take(struct viewer *viewer, const char *name)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     struct movement_source source;
     struct take *take = NULL;
-    enum status status = movement_read(v->options.file, name, &l->reference, &source);
+    enum status status = movement_read(viewer->options.file, name, &l->reference, &source);
     if (status == OK)
         status = movement_mirror(&l->reference, &l->mirrored);
     if (status == OK)
-        status = take_open(&take, v->recording, name);
+        status = take_open(&take, viewer->recording, name);
     if (status != OK)
         return status;
     l->body = *take_body(take);
@@ -59,18 +58,18 @@ static enum status read_take(struct viewer *v, const char *name)
     return OK;
 }
 
-static void close_take(struct viewer_live *l)
+static void close_take(struct viewer_live *live)
 {
-    live_sensor_close(&l->sensor);
-    live_keeper_close(&l->keeper);
-    attempt_judge_close(&l->judge);
-    live_attempt_free(&l->shown);
-    movement_free(&l->reference);
-    movement_free(&l->mirrored);
-    l->frame = NULL;
-    l->anchor = (struct live_anchor){0};
-    l->offset_ns = l->uploaded = 0;
-    l->kept = 0;
+    live_sensor_close(&live->sensor);
+    live_keeper_close(&live->keeper);
+    attempt_judge_close(&live->judge);
+    live_attempt_free(&live->shown);
+    movement_free(&live->reference);
+    movement_free(&live->mirrored);
+    live->frame = NULL;
+    live->anchor = (struct live_anchor){0};
+    live->offset_ns = live->uploaded = 0;
+    live->kept = 0;
 }
 
 enum status viewer_live_open_take(struct viewer *v, const char *take)
@@ -96,9 +95,9 @@ enum status viewer_live_open_take(struct viewer *v, const char *take)
     return status == OK ? live_sensor_open(&l->sensor, &how) : status;
 }
 
-void viewer_live_close(struct viewer *v)
+void viewer_live_close(struct viewer *viewer)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     close_take(l);
     gpu_texture_close(&l->picture);
     gpu_texture_close(&l->front);
@@ -106,47 +105,47 @@ void viewer_live_close(struct viewer *v)
     free(l->scratch);
 }
 
-void viewer_live_suspend(struct viewer *v, bool suspend)
+void viewer_live_suspend(struct viewer *viewer, bool suspend)
 {
-    if (v->live.sensor)
-        live_sensor_suspend(v->live.sensor, suspend);
+    if (viewer->live.sensor)
+        live_sensor_suspend(viewer->live.sensor, suspend);
 }
 
 // ---------------------------------------------------------------- time
 
-static void tell_sight(struct viewer *v, int64_t now_ns)
+static void tell_sight(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_sensor_state state = live_sensor_query(l->sensor);
     const struct live_frame *f = l->frame;
     struct live_sight sight = {.seeing =
                                    state.seeing && f &&
                                    (state.film || now_ns - state.received_ns < FROZEN_NS), // a film waits, or is late
-                               .ended = state.ended && f && f->attempt == v->state.live.attempt,
+                               .ended = state.ended && f && f->attempt == viewer->state.live.attempt,
                                .frame = f ? f->number : 0,
                                .trouble = state.trouble};
     if (f) {
         const struct live_look *look = &f->look;
         sight.person = look->person;
         sight.second_person = look->second_person;
-        sight.in_place = look->in_place && take_view_is_located(v->take_view);
-        sight.located = look->located && take_view_is_located(v->take_view);
-        sight.judged = look->judged && f->attempt == v->state.live.attempt;
+        sight.in_place = look->in_place && take_view_is_located(viewer->take_view);
+        sight.located = look->located && take_view_is_located(viewer->take_view);
+        sight.judged = look->judged && f->attempt == viewer->state.live.attempt;
         sight.reference_ns = take_time_of(l, look->reference);
         sight.away_rad = look->away_rad;
     }
-    live_state_on_sight(&v->state.live, &sight, now_ns);
+    live_state_on_sight(&viewer->state.live, &sight, now_ns);
     if (*state.no_body_points && !l->no_points_told) { // once; what is tracked from depth alone is less sure
         char notice[200];
         snprintf(notice, sizeof notice, "Tracked from depth alone: %.150s", state.no_body_points);
-        view_state_notify(&v->state, notice, now_ns);
+        view_state_notify(&viewer->state, notice, now_ns);
         l->no_points_told = true;
     }
 }
 
-static void adopt_result(struct viewer *v, int64_t now_ns)
+static void adopt_result(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     struct live_attempt attempt;
     if (!l->judge || !attempt_judge_finished(l->judge, &attempt))
         return;
@@ -161,72 +160,72 @@ static void adopt_result(struct viewer *v, int64_t now_ns)
                                        .length_s = (double)length_ns * 1e-9,
                                        .findings = attempt.comparison.finding_count,
                                        .compared = attempt.compared};
-    live_state_on_result(&v->state.live, &result, length_ns, now_ns);
-    v->state.changed = true;
+    live_state_on_result(&viewer->state.live, &result, length_ns, now_ns);
+    viewer->state.changed = true;
 }
 
-static void tell_kept(struct viewer *v, int64_t now_ns)
+static void tell_kept(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_keeper_state state = live_keeper_query(l->keeper);
     if (state.kept == l->kept)
         return;
     l->kept = state.kept;
     if (state.failed)
-        view_state_warn(&v->state, state.sentence, now_ns);
+        view_state_warn(&viewer->state, state.sentence, now_ns);
     else
-        view_state_notify(&v->state, state.sentence, now_ns);
+        view_state_notify(&viewer->state, state.sentence, now_ns);
 }
 
-void viewer_live_update(struct viewer *v, int64_t now_ns)
+void viewer_live_update(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     if (!l->sensor)
         return;
     const int64_t before = l->frame ? l->frame->number : 0;
     l->frame = live_sensor_latest(l->sensor);
-    v->state.changed |= l->frame && l->frame->number != before && v->state.page == PAGE_LIVE;
-    tell_sight(v, now_ns);
-    adopt_result(v, now_ns);
-    tell_kept(v, now_ns);
+    viewer->state.changed |= l->frame && l->frame->number != before && viewer->state.page == PAGE_LIVE;
+    tell_sight(viewer, now_ns);
+    adopt_result(viewer, now_ns);
+    tell_kept(viewer, now_ns);
 }
 
 // An attempt has ended: judged on a thread of its own.
-static void judge_attempt(struct viewer *v, int64_t now_ns)
+static void judge_attempt(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     struct joint_samples samples;
     if (l->judge) { // a loop that is shorter than judging it takes: the former is not shown
         attempt_judge_close(&l->judge);
     }
-    if (live_sensor_take_samples(l->sensor, v->state.live.finished, &samples) < 0)
-        view_state_warn(&v->state, status_message(), now_ns);
-    const bool mirrored = v->state.live.attempt_mirrored;
+    if (live_sensor_take_samples(l->sensor, viewer->state.live.finished, &samples) < 0)
+        view_state_warn(&viewer->state, status_message(), now_ns);
+    const bool mirrored = viewer->state.live.attempt_mirrored;
     const struct attempt_task task = {.reference = reference_of(l, mirrored),
                                       .mirrored = mirrored,
                                       .first = l->first,
                                       .end = l->end,
-                                      .number = v->state.live.finished,
-                                      .notify = v->options.wake,
-                                      .notify_self = v->options.wake_self};
+                                      .number = viewer->state.live.finished,
+                                      .notify = viewer->options.wake,
+                                      .notify_self = viewer->options.wake_self};
     if (attempt_judge_start(&l->judge, &task, &samples) != OK) {
         const struct live_result none = {0};
         live_attempt_free(&l->shown);
-        l->shown.number = v->state.live.finished;
+        l->shown.number = viewer->state.live.finished;
         snprintf(l->shown.why, sizeof l->shown.why, "%.199s", status_message());
-        live_state_on_result(&v->state.live, &none, 0, now_ns);
+        live_state_on_result(&viewer->state.live, &none, 0, now_ns);
     }
 }
 
-void viewer_live_after_tick(struct viewer *v, int64_t now_ns)
+void viewer_live_after_tick(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_live *l = &v->live;
-    struct live_state *s = &v->state.live;
+    struct viewer_live *l = &viewer->live;
+    struct live_state *s = &viewer->state.live;
     if (!l->sensor)
         return;
     if (s->finished != l->finished) {
         l->finished = s->finished;
-        judge_attempt(v, now_ns);
+        judge_attempt(viewer, now_ns);
     }
     const int32_t at = frame_at(l, s->at_ns);
     l->first = frame_at(l, s->marked_from_ns);
@@ -249,34 +248,35 @@ void viewer_live_after_tick(struct viewer *v, int64_t now_ns)
 // ---------------------------------------------------------------- the two worlds
 
 // The floor point under a skeleton and the direction to its left. False: not known.
-static bool stance(const struct skeleton *s, struct vec3 *floor_point, struct vec3 *left)
+static bool find_stance(const struct skeleton *skeleton, struct vec3 *floor_point, struct vec3 *left)
 {
-    if (!(s->confidence[JOINT_LEFT_HIP] > 0 && s->confidence[JOINT_RIGHT_HIP] > 0))
+    if (!(skeleton->confidence[JOINT_LEFT_HIP] > 0 && skeleton->confidence[JOINT_RIGHT_HIP] > 0))
         return false;
-    *left = v3_sub(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP]);
+    *left = v3_sub(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP]);
     left->z = 0;
     if (v3_length(*left) < 0.02)
         return false;
     *left = v3_unit(*left);
-    *floor_point = v3_mix(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP], 0.5);
+    *floor_point = v3_mix(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP], 0.5);
     double z = INFINITY;
     for (int f = 0; f < 2; f++) {
         const enum joint foot = f ? JOINT_RIGHT_FOOT : JOINT_LEFT_FOOT;
-        z = s->confidence[foot] > 0 ? fmin(z, s->joint[foot].z) : z;
+        z = skeleton->confidence[foot] > 0 ? fmin(z, skeleton->joint[foot].z) : z;
     }
     floor_point->z = isfinite(z) ? z : 0;
     return true;
 }
 
 // While nothing moves: the actor is put beside the person, facing alike.
-static void update_anchor(struct viewer *v)
+static void update_anchor(struct viewer *viewer)
 {
-    struct viewer_live *l = &v->live;
-    const struct live_state *s = &v->state.live;
+    struct viewer_live *l = &viewer->live;
+    const struct live_state *s = &viewer->state.live;
     struct vec3 person, left, actor, actor_left;
     if ((s->phase == LIVE_DOING && l->anchor.known) || s->phase == LIVE_SUMMARY || !l->frame ||
-        !l->frame->look.person || !v->image.has_skeleton || !stance(&l->frame->look.in_world, &person, &left) ||
-        !stance(&v->image.skeleton, &actor, &actor_left))
+        !l->frame->look.person || !viewer->image.has_skeleton ||
+        !find_stance(&l->frame->look.in_world, &person, &left) ||
+        !find_stance(&viewer->image.skeleton, &actor, &actor_left))
         return;
     if (l->image_mirrored) // the joints are where the mirror shows them, under their own names
         actor_left = v3_scale(actor_left, -1);
@@ -288,9 +288,9 @@ static void update_anchor(struct viewer *v)
 }
 
 // offset_m: how far to the person's left the actor stands.
-static struct pose take_from_live(const struct viewer *v, double offset_m)
+static struct pose take_from_live(const struct viewer *viewer, double offset_m)
 {
-    const struct live_anchor *a = &v->live.anchor;
+    const struct live_anchor *a = &viewer->live.anchor;
     if (!a->known)
         return POSE_IDENTITY;
     const struct quat turn = quat_from_rotation_vector(v3(0, 0, a->yaw_rad));
@@ -299,18 +299,18 @@ static struct pose take_from_live(const struct viewer *v, double offset_m)
 }
 
 // Horizontal, to the right of the picture: the figures stand so beside each other from whatever side they are seen.
-static struct vec3 picture_right(const struct viewer *v)
+static struct vec3 picture_right(const struct viewer *viewer)
 {
-    return quat_rotate(orbit_world_from_camera(&v->state.live.orbit).rotation, v3(1, 0, 0));
+    return quat_rotate(orbit_world_from_camera(&viewer->state.live.orbit).rotation, v3(1, 0, 0));
 }
 
 // ---------------------------------------------------------------- the page
 
-static void fill_verdicts(struct viewer *v)
+static void fill_verdicts(struct viewer *viewer)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_look *look = &l->frame->look;
-    if (v->state.live.phase != LIVE_DOING || !look->judged || l->frame->attempt != v->state.live.attempt)
+    if (viewer->state.live.phase != LIVE_DOING || !look->judged || l->frame->attempt != viewer->state.live.attempt)
         return;
     for (int p = 0; p < PART_COUNT; p++)
         l->verdicts[p] = look->parts[p].verdict;
@@ -320,11 +320,11 @@ static void fill_verdicts(struct viewer *v)
 }
 
 // The pose that comes next, where the person stands.
-static void fill_ghost(struct viewer *v)
+static void fill_ghost(struct viewer *viewer)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_look *look = &l->frame->look;
-    const struct live_state *s = &v->state.live;
+    const struct live_state *s = &viewer->state.live;
     if (!s->ghost || (s->phase != LIVE_DOING && s->phase != LIVE_COUNT_IN) || !l->reference.count)
         return;
     const int32_t at = frame_at(l, s->at_ns), now = l->page.verdicts ? look->reference : at;
@@ -337,23 +337,23 @@ static void fill_ghost(struct viewer *v)
         l->page.ghost = &l->ghost;
 }
 
-static void fill_person(struct viewer *v, struct pose world_from_live)
+static void fill_person(struct viewer *viewer, struct pose world_from_live)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     if (!l->frame || !l->frame->look.person)
         return;
     l->person = skeleton_transform(world_from_live, &l->frame->look.in_world);
     l->page.person = &l->person;
-    fill_verdicts(v);
-    fill_ghost(v);
+    fill_verdicts(viewer);
+    fill_ghost(viewer);
 }
 
 // The attempt at the reviewed instant, and the reference's pose on the same bones to its right.
-static void fill_review(struct viewer *v)
+static void fill_review(struct viewer *viewer)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_attempt *a = &l->shown;
-    const struct live_state *s = &v->state.live;
+    const struct live_state *s = &viewer->state.live;
     const bool judged = s->judged == s->finished && a->number == s->finished;
     l->page.comparison = judged && a->compared ? &a->comparison : NULL;
     l->page.mirrored = judged && a->mirrored;
@@ -364,8 +364,8 @@ static void fill_review(struct viewer *v)
         return;
     struct vec3 at, left;
     struct skeleton *figure = &l->attempt_figure;
-    const struct vec3 right = v3_scale(picture_right(v), 0.5 * BESIDE_M);
-    if (stance(figure, &at, &left)) // it stands right of the origin
+    const struct vec3 right = v3_scale(picture_right(viewer), 0.5 * BESIDE_M);
+    if (find_stance(figure, &at, &left)) // it stands right of the origin
         *figure = skeleton_transform((struct pose){{0, 0, 0, 1}, v3_sub(right, at)}, figure);
     l->page.attempt = figure;
     const double frame = live_attempt_reference(a, s->review_at_ns);
@@ -388,9 +388,9 @@ static void fill_review(struct viewer *v)
 
 // ---------------------------------------------------------------- the figures' viewpoint
 
-void viewer_live_request(struct viewer *v, const struct viewer_surface *surface, struct take_view_request *request)
+void viewer_live_request(struct viewer *viewer, const struct viewer_surface *surface, struct take_view_request *request)
 {
-    struct live_state *s = &v->state.live;
+    struct live_state *s = &viewer->state.live;
     struct orbit orbit = s->orbit;
     const bool summary = s->phase == LIVE_SUMMARY;
     const double width = surface->width / surface->px_per_dp, height = surface->height / surface->px_per_dp;
@@ -400,101 +400,103 @@ void viewer_live_request(struct viewer *v, const struct viewer_surface *surface,
     const struct lens lens = take_view_orbit_lens(surface->width, surface->height, box);
     if (summary)
         orbit.centre = v3(0, 0, FIGURE_MIDDLE_M);
-    else if (v->image.has_skeleton && v->image.skeleton.confidence[JOINT_WAIST] > 0 && s->screen != LIVE_MIRROR)
-        s->orbit.centre = orbit.centre = v3_mix(orbit.centre, v->image.skeleton.joint[JOINT_WAIST], 0.1);
+    else if (viewer->image.has_skeleton && viewer->image.skeleton.confidence[JOINT_WAIST] > 0 &&
+             s->screen != LIVE_MIRROR)
+        s->orbit.centre = orbit.centre = v3_mix(orbit.centre, viewer->image.skeleton.joint[JOINT_WAIST], 0.1);
     if (!summary)
-        orbit.centre = v3_add(orbit.centre, v3_scale(picture_right(v), 0.5 * BESIDE_M));
+        orbit.centre = v3_add(orbit.centre, v3_scale(picture_right(viewer), 0.5 * BESIDE_M));
     // The lens is made for one figure: for two the viewpoint goes back until both are inside.
     orbit.distance_m *= fmax(1, lens.fx / ORBIT_NEAREST_M / fmin(box.h / TALL_M, box.w / PAIR_WIDE_M));
     *request = (struct take_view_request){.lens = lens,
                                           .world_from_camera = orbit_world_from_camera(&orbit),
                                           .resolution_scale = request->resolution_scale,
-                                          .error_px = v->state.error_px};
+                                          .error_px = viewer->state.error_px};
 }
 
 // ---------------------------------------------------------------- the mirror's picture
 
-static enum status upload_picture(struct viewer *v)
+static enum status upload_picture(struct viewer *viewer)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_frame *f = l->frame;
     const struct lens *color = &f->calibration.color;
     if (l->picture && f->number == l->uploaded)
         return OK;
     l->uploaded = f->number;
     const struct gpu_texture_layout layout = {GPU_RGB8, color->width, color->height, GPU_LINEAR};
-    return gpu_texture_put(&l->picture, v->gpu, &layout, f->rgb);
+    return gpu_texture_put(&l->picture, viewer->gpu, &layout, f->rgb);
 }
 
-static enum status make_scratch(struct viewer_live *l, size_t pixels)
+static enum status make_scratch(struct viewer_live *live, size_t pixels)
 {
-    if (l->pixels == pixels)
+    if (live->pixels == pixels)
         return OK;
-    free(l->rgba);
-    free(l->scratch);
-    l->rgba = calloc(pixels, 4);
-    l->scratch = malloc(2 * pixels * sizeof *l->scratch);
-    l->pixels = l->rgba && l->scratch ? pixels : 0;
-    return l->pixels ? OK : fail(ERR_MEMORY, "no memory for the sensor's picture");
+    free(live->rgba);
+    free(live->scratch);
+    live->rgba = calloc(pixels, 4);
+    live->scratch = malloc(2 * pixels * sizeof *live->scratch);
+    live->pixels = live->rgba && live->scratch ? pixels : 0;
+    return live->pixels ? OK : fail(ERR_MEMORY, "no memory for the sensor's picture");
 }
 
 // What the sensor sees before the actor.
-static enum status upload_front(struct viewer *v)
+static enum status upload_front(struct viewer *viewer)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_frame *f = l->frame;
     const struct lens *color = &f->calibration.color;
     const struct gpu_texture_layout layout = {GPU_RGBA8, color->width, color->height, GPU_LINEAR};
-    const struct skeleton actor = skeleton_transform(pose_inverse(v->image.world_from_camera), &v->image.skeleton);
+    const struct skeleton actor =
+        skeleton_transform(pose_inverse(viewer->image.world_from_camera), &viewer->image.skeleton);
     enum status status = make_scratch(l, lens_pixels(color));
     if (status != OK)
         return status;
     const struct live_occlusion how = {&f->calibration, f->rgb, f->depth, &actor, &l->body, l->scratch};
     l->has_front = live_occlusion_make(&how, l->rgba);
-    return l->has_front ? gpu_texture_put(&l->front, v->gpu, &layout, l->rgba) : OK;
+    return l->has_front ? gpu_texture_put(&l->front, viewer->gpu, &layout, l->rgba) : OK;
 }
 
-static enum status draw_mirror(struct viewer *v, struct take_view_request *request)
+static enum status draw_mirror(struct viewer *viewer, struct take_view_request *request)
 {
-    struct viewer_live *l = &v->live;
+    struct viewer_live *l = &viewer->live;
     const struct live_frame *f = l->frame;
     if (!f || (!f->rgb && !l->uploaded))
         return OK;
-    enum status status = f->rgb ? upload_picture(v) : OK; // an image that was lost: the one before it stays
+    enum status status = f->rgb ? upload_picture(viewer) : OK; // an image that was lost: the one before it stays
     if (status != OK)
         return status;
-    const struct pose world_from_live = take_from_live(v, v->state.live.over ? 0 : MIRROR_M);
+    const struct pose world_from_live = take_from_live(viewer, viewer->state.live.over ? 0 : MIRROR_M);
     request->lens = f->calibration.color;
     request->world_from_camera = pose_multiply(world_from_live, f->look.world_from_camera);
     request->camera = NULL; // the place's surface is not asked for: the live depth hides the actor
-    request->camera_lost = !l->anchor.known && v->image.has_skeleton;
-    status = take_view_draw(v->take_view, request, &v->image);
+    request->camera_lost = !l->anchor.known && viewer->image.has_skeleton;
+    status = take_view_draw(viewer->take_view, request, &viewer->image);
     if (status != OK)
         return status;
     l->page.picture = l->picture;
-    if (v->image.has_skeleton && !v->state.live.over) {
+    if (viewer->image.has_skeleton && !viewer->state.live.over) {
         if (f->rgb)
-            status = upload_front(v);
+            status = upload_front(viewer);
         l->page.front = l->has_front ? l->front : NULL;
     }
-    fill_person(v, world_from_live);
+    fill_person(viewer, world_from_live);
     return status;
 }
 
 // Beside the actor in the picture, to the right.
-static struct pose beside(const struct viewer *v)
+static struct pose pose_beside_actor(const struct viewer *viewer)
 {
-    struct pose p = take_from_live(v, 0);
-    p.translation = v3_add(p.translation, v3_scale(picture_right(v), BESIDE_M));
+    struct pose p = take_from_live(viewer, 0);
+    p.translation = v3_add(p.translation, v3_scale(picture_right(viewer), BESIDE_M));
     return p;
 }
 
 // Person and ghost where they stand in the room, drawn with the actor: hidden by it and by furniture, and not hidden by
 // either where they are before it.
-static void fill_overlay(struct viewer *v, const struct viewer_surface *surface, struct take_view_request *request)
+static void fill_overlay(struct viewer *viewer, const struct viewer_surface *surface, struct take_view_request *request)
 {
-    struct viewer_live *l = &v->live;
-    const struct theme *t = theme_of(v->state.dark);
+    struct viewer_live *l = &viewer->live;
+    const struct theme *t = theme_of(viewer->state.dark);
     const double px = surface->px_per_dp;
     const struct ui_box all = {0, 0, surface->width / px, surface->height / px};
     const struct figure_view view = {request->lens, request->world_from_camera, cover_of(&request->lens, all), false};
@@ -535,18 +537,18 @@ enum status viewer_live_draw(struct viewer *v, const struct viewer_surface *surf
     }
     enum status status = take_view_draw(v->take_view, request, &v->image);
     if (status == OK && s->screen == LIVE_BESIDE)
-        fill_person(v, beside(v));
+        fill_person(v, pose_beside_actor(v));
     return status;
 }
 
-void viewer_live_presented(struct viewer *v, int64_t now_ns)
+void viewer_live_presented(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_live *l = &v->live;
-    if (!l->frame || l->frame->number == l->drawn_frame || v->state.page != PAGE_LIVE)
+    struct viewer_live *l = &viewer->live;
+    if (!l->frame || l->frame->number == l->drawn_frame || viewer->state.page != PAGE_LIVE)
         return;
     l->drawn_frame = l->frame->number;
     const double ms = (double)(now_ns - l->frame->received_ns) * 1e-6;
     l->latency_ms += ms;
-    l->latency_most_ms = fmax(l->latency_most_ms, ms);
+    l->latency_max_ms = fmax(l->latency_max_ms, ms);
     l->presented++;
 }

@@ -44,27 +44,28 @@ struct viewer_live {
     enum verdict verdicts[PART_COUNT], review_verdicts[PART_COUNT];
     struct skeleton person, ghost, attempt_figure, reference_figure;
     struct live_page page;
-    struct overlay_stroke strokes[2 * FIGURE_STROKES_MOST]; // of the room: person and ghost
+    struct overlay_stroke strokes[2 * FIGURE_STROKES_MAX]; // of the room: person and ghost
     struct overlay overlay;
-    int64_t drawn_frame;                // number of the frame that was drawn last
-    double latency_ms, latency_most_ms; // from a frame's arrival until it was presented: sum, worst
-    int64_t presented;                  // frames so measured
+    int64_t drawn_frame;               // number of the frame that was drawn last
+    double latency_ms, latency_max_ms; // from a frame's arrival until it was presented: sum, worst
+    int64_t presented;                 // frames so measured
 };
 
 // When a take was opened: reads its movement and opens the sensor. A take that cannot be judged is no error; the screen
 // says so. ERR_MEMORY.
 MUST_CHECK enum status viewer_live_open_take(struct viewer *v, const char *take);
-void viewer_live_close(struct viewer *v);
-void viewer_live_suspend(struct viewer *v, bool suspend);
-void viewer_live_update(struct viewer *v, int64_t now_ns); // before view_state_tick
-void viewer_live_after_tick(struct viewer *v, int64_t now_ns);
+void viewer_live_close(struct viewer *viewer);
+void viewer_live_suspend(struct viewer *viewer, bool suspend);
+void viewer_live_update(struct viewer *viewer, int64_t now_ns); // before view_state_tick
+void viewer_live_after_tick(struct viewer *viewer, int64_t now_ns);
 
 struct viewer_surface;
 // The viewpoint of the figures beside each other, and of the summary.
-void viewer_live_request(struct viewer *v, const struct viewer_surface *surface, struct take_view_request *request);
+void viewer_live_request(struct viewer *viewer, const struct viewer_surface *surface,
+                         struct take_view_request *request);
 
 // Draws the actor for the live screen, and fills live.page. *request: of an orbit or a camera image, as for watching;
 // the mirror replaces lens and pose. ERR_DEVICE, ERR_MEMORY, and those of take_view_draw.
 MUST_CHECK enum status viewer_live_draw(struct viewer *v, const struct viewer_surface *surface,
                                         struct take_view_request *request);
-void viewer_live_presented(struct viewer *v, int64_t now_ns);
+void viewer_live_presented(struct viewer *viewer, int64_t now_ns);

@@ -33,33 +33,33 @@ enum status room_things_open(struct room_things *out, struct recording *recordin
     return OK;
 }
 
-void room_things_close(struct room_things *t)
+void room_things_close(struct room_things *things)
 {
-    for (int i = 0; i < t->known.count && t->solids; i++)
-        thing_solid_close(&t->solids[i]);
-    free(t->shown);
-    free(t->solids);
-    free(t->opened);
-    place_things_free(&t->known);
-    *t = (struct room_things){0};
+    for (int i = 0; i < things->known.count && things->solids; i++)
+        thing_solid_close(&things->solids[i]);
+    free(things->shown);
+    free(things->solids);
+    free(things->opened);
+    place_things_free(&things->known);
+    *things = (struct room_things){0};
 }
 
 // Its body; empty where that cannot be made: the thing stays an outline.
-static const struct thing_solid *room_things_solid(struct room_things *t, struct gpu *gpu, int i)
+static const struct thing_solid *room_things_solid(struct room_things *things, struct gpu *gpu, int i)
 {
-    if (!t->opened[i]) {
-        t->opened[i] = true; // once: what cannot be opened stays an outline
-        if (thing_solid_open(&t->solids[i], gpu, &t->known.things[i]) != OK)
-            t->solids[i] = (struct thing_solid){0};
+    if (!things->opened[i]) {
+        things->opened[i] = true; // once: what cannot be opened stays an outline
+        if (thing_solid_open(&things->solids[i], gpu, &things->known.things[i]) != OK)
+            things->solids[i] = (struct thing_solid){0};
     }
-    return &t->solids[i];
+    return &things->solids[i];
 }
 
-void room_things_draw(struct room_things *t, struct gpu *gpu, struct solid_renderer *renderer,
+void room_things_draw(struct room_things *things, struct gpu *gpu, struct solid_renderer *renderer,
                       const struct solid_view *view)
 {
-    for (int i = 0; i < t->known.count; i++)
-        thing_solid_draw(room_things_solid(t, gpu, i), renderer, view, t->known.things[i].world_from_thing);
+    for (int i = 0; i < things->known.count; i++)
+        thing_solid_draw(room_things_solid(things, gpu, i), renderer, view, things->known.things[i].world_from_thing);
 }
 
 // ---------------------------------------------------------------- viewer room
@@ -80,10 +80,10 @@ static const double MIDDLE_RATE = 0.4; // the points lie within so much of its f
 
 // ---------------------------------------------------------------- opening
 
-static enum status open_things(struct viewer *v)
+static enum status open_things(struct viewer *viewer)
 {
-    struct viewer_room *r = &v->room;
-    const enum status status = room_things_open(&r->things, v->recording);
+    struct viewer_room *r = &viewer->room;
+    const enum status status = room_things_open(&r->things, viewer->recording);
     if (status != OK)
         return status;
     const size_t count = (size_t)r->things.known.count + 1;
@@ -115,9 +115,9 @@ enum status viewer_room_open(struct viewer *v)
     return status;
 }
 
-void viewer_room_close(struct viewer *v)
+void viewer_room_close(struct viewer *viewer)
 {
-    struct viewer_room *r = &v->room;
+    struct viewer_room *r = &viewer->room;
     room_views_close(&r->views);
     room_worker_close(&r->worker);
     knowledge_asker_close(&r->asker);
@@ -137,20 +137,20 @@ void viewer_room_close(struct viewer *v)
 
 // ---------------------------------------------------------------- what the threads made
 
-static enum status start_worker(struct viewer *v)
+static enum status start_worker(struct viewer *viewer)
 {
-    struct room_worker_options how = {v->options.file, v->options.wake, v->options.wake_self, false};
-    if (v->room.worker || !v->has_place)
+    struct room_worker_options how = {viewer->options.file, viewer->options.wake, viewer->options.wake_self, false};
+    if (viewer->room.worker || !viewer->has_place)
         return OK;
-    const enum room_drawing by = v->options.room_drawing;
-    if (by == ROOM_DRAWN_BY_CARD || (by == ROOM_DRAWN_AS_FITS && !gpu_is_software(v->gpu)))
-        how.hand_over = room_views_open(&v->room.views, v->gpu) == OK;
-    return room_worker_start(&v->room.worker, &how);
+    const enum room_drawing by = viewer->options.room_drawing;
+    if (by == ROOM_DRAWN_BY_CARD || (by == ROOM_DRAWN_AS_FITS && !gpu_is_software(viewer->gpu)))
+        how.hand_over = room_views_open(&viewer->room.views, viewer->gpu) == OK;
+    return room_worker_start(&viewer->room.worker, &how);
 }
 
-static enum status take_mesh(struct viewer *v)
+static enum status take_mesh(struct viewer *viewer)
 {
-    struct viewer_room *r = &v->room;
+    struct viewer_room *r = &viewer->room;
     struct place_mesh made;
     if (!r->worker || !room_worker_take_mesh(r->worker, &made))
         return OK;
@@ -163,9 +163,9 @@ static enum status take_mesh(struct viewer *v)
             vertices[i].color[k] = (float)p->rgb[k] / 255;
     }
     if (status == OK)
-        status = solid_mesh_open(&r->mesh, v->gpu, vertices, made.vertex_count, made.corners, made.corner_count);
+        status = solid_mesh_open(&r->mesh, viewer->gpu, vertices, made.vertex_count, made.corners, made.corner_count);
     free(vertices);
-    struct orbit *o = &v->state.room.map_orbit; // the whole room is seen
+    struct orbit *o = &viewer->state.room.map_orbit; // the whole room is seen
     o->centre = v3_mix(made.low, made.high, 0.5);
     o->distance_m = fmin(fmax(0.95 * v3_distance(made.low, made.high), 3), 12);
     r->mesh_low = made.low;
@@ -173,25 +173,25 @@ static enum status take_mesh(struct viewer *v)
     place_mesh_free(&made);
     r->mesh_came = true;
     r->map_drawn = r->surface_drawn = false;
-    v->state.changed = true;
+    viewer->state.changed = true;
     return status;
 }
 
-static enum answer answer_about(const struct viewer_room *r, int thing)
+static enum answer answer_about(const struct viewer_room *room, int thing)
 {
-    if (knowledge_asker_asks(r->asker, thing))
+    if (knowledge_asker_asks(room->asker, thing))
         return ANSWER_ASKING;
-    return r->things.known.things[thing].trouble[0] ? ANSWER_NONE : ANSWER_KEPT;
+    return room->things.known.things[thing].trouble[0] ? ANSWER_NONE : ANSWER_KEPT;
 }
 
-static void update_answers(struct viewer *v)
+static void update_answers(struct viewer *viewer)
 {
-    struct viewer_room *r = &v->room;
-    const int card = v->state.sheet == SHEET_CARD ? v->state.room.card : ROOM_NOTHING;
+    struct viewer_room *r = &viewer->room;
+    const int card = viewer->state.sheet == SHEET_CARD ? viewer->state.room.card : ROOM_NOTHING;
     if (!r->asker)
         return;
     if (knowledge_asker_take(r->asker, &r->things.known) >= 0)
-        v->state.changed = true;
+        viewer->state.changed = true;
     if (card != r->asked_thing && card >= 0 && card < r->things.known.count)
         knowledge_asker_ask(r->asker, card, &r->things.known.things[card]);
     r->asked_thing = card;
@@ -199,82 +199,83 @@ static void update_answers(struct viewer *v)
         r->things.shown[i].answer = answer_about(r, i);
 }
 
-static void update_path(struct viewer *v)
+static void update_path(struct viewer *viewer)
 {
-    struct viewer_room *r = &v->room;
-    const struct camera_frame *f = v->frame;
+    struct viewer_room *r = &viewer->room;
+    const struct camera_frame *f = viewer->frame;
     if (!f || !f->placed)
         return;
     const struct vec3 at = f->world_from_camera.translation;
     if (r->path_count && v3_distance(r->path[r->path_count - 1], at) < PATH_M)
         return;
-    if (r->path_count == VIEWER_PATH_MOST) { // every second point of the older half goes
+    if (r->path_count == VIEWER_PATH_MAX) { // every second point of the older half goes
         int kept = 0;
-        for (int i = 0; i < VIEWER_PATH_MOST; i++)
-            if (i >= VIEWER_PATH_MOST / 2 || i % 2)
+        for (int i = 0; i < VIEWER_PATH_MAX; i++)
+            if (i >= VIEWER_PATH_MAX / 2 || i % 2)
                 r->path[kept++] = r->path[i];
         r->path_count = kept;
     }
     r->path[r->path_count++] = at;
 }
 
-void viewer_room_update(struct viewer *v, int64_t now_ns)
+void viewer_room_update(struct viewer *viewer, int64_t now_ns)
 {
-    const struct view_state *s = &v->state;
+    const struct view_state *s = &viewer->state;
     (void)now_ns;
-    update_path(v);
-    update_answers(v);
-    if (s->page != PAGE_WATCH || !v->take_view || !v->has_image) // the actor comes first
+    update_path(viewer);
+    update_answers(viewer);
+    if (s->page != PAGE_WATCH || !viewer->take_view || !viewer->has_image) // the actor comes first
         return;
-    if ((viewer_room_wants_filmed(v) || s->room.map) && start_worker(v) != OK)
-        v->state.room.filmed = false; // without memory for a thread there is no room
+    if ((viewer_room_wants_filmed(viewer) || s->room.map) && start_worker(viewer) != OK)
+        viewer->state.room.filmed = false; // without memory for a thread there is no room
     int views;
-    if (v->room.worker && room_worker_idle(v->room.worker, &views) && !views)
-        v->state.room.has_views = false;
-    const struct room_picture *p = v->room.worker ? room_worker_latest(v->room.worker) : NULL;
-    if (p && viewer_room_wants_filmed(v) && p->number != v->room.seen_number) {
-        v->room.seen_number = p->number;
-        v->state.changed = true;
+    if (viewer->room.worker && room_worker_idle(viewer->room.worker, &views) && !views)
+        viewer->state.room.has_views = false;
+    const struct room_picture *p = viewer->room.worker ? room_worker_latest(viewer->room.worker) : NULL;
+    if (p && viewer_room_wants_filmed(viewer) && p->number != viewer->room.seen_number) {
+        viewer->room.seen_number = p->number;
+        viewer->state.changed = true;
     }
     float gains[ROOM_DEPTHS][3];
-    const int64_t number = v->room.views ? room_worker_gains(v->room.worker, gains) : 0;
-    if (number != v->room.seen_number && v->room.views && viewer_room_wants_filmed(v)) {
-        v->room.seen_number = number;
-        v->state.changed = true;
+    const int64_t number = viewer->room.views ? room_worker_gains(viewer->room.worker, gains) : 0;
+    if (number != viewer->room.seen_number && viewer->room.views && viewer_room_wants_filmed(viewer)) {
+        viewer->room.seen_number = number;
+        viewer->state.changed = true;
     }
-    if (take_mesh(v) != OK)
-        v->room.mesh_came = true; // it stays without a surface
+    if (take_mesh(viewer) != OK)
+        viewer->room.mesh_came = true; // it stays without a surface
     if (s->sheet == SHEET_CARD)
-        v->state.changed = true; // the body turns
+        viewer->state.changed = true; // the body turns
 }
 
 // ---------------------------------------------------------------- the filmed room
 
-bool viewer_room_wants_filmed(const struct viewer *v)
+bool viewer_room_wants_filmed(const struct viewer *viewer)
 {
-    const struct view_state *s = &v->state;
+    const struct view_state *s = &viewer->state;
     return s->page == PAGE_WATCH && s->orbiting && s->room.filmed && s->room.has_views &&
-           take_view_is_located(v->take_view);
+           take_view_is_located(viewer->take_view);
 }
 
-static bool near(const struct pose *a, const struct pose *b, double m, double rad)
+static bool are_poses_near(const struct pose *a, const struct pose *b, double m, double rad)
 {
     return v3_distance(a->translation, b->translation) <= m && pose_angle(*a, *b) <= rad;
 }
 
-static void ask_worker(struct viewer *v, const struct take_view_request *request, int64_t now_ns)
+static void ask_worker(struct viewer *viewer, const struct take_view_request *request, int64_t now_ns)
 {
-    struct viewer_room *r = &v->room;
+    struct viewer_room *r = &viewer->room;
     const struct pose *pose = &request->world_from_camera;
     const bool first = !r->asked_lens.width, same_lens = lens_equal(&r->asked_lens, &request->lens);
-    if (!near(&r->seen_pose, pose, 1e-6, 1e-6)) {
+    if (!are_poses_near(&r->seen_pose, pose, 1e-6, 1e-6)) {
         r->seen_pose = *pose;
         r->still_ns = now_ns;
     }
-    const bool still = now_ns - r->still_ns >= STILL_NS, exact = near(&r->asked_pose, pose, 1e-6, 1e-6) && same_lens;
+    const bool still = now_ns - r->still_ns >= STILL_NS,
+               exact = are_poses_near(&r->asked_pose, pose, 1e-6, 1e-6) && same_lens;
     if (!exact && !still)
-        v->state.changed = true; // to look again
-    if (!first && (exact || (!still && near(&r->asked_pose, pose, ASK_M, ASK_RAD))))
+        viewer->state.changed = true; // to look again
+    if (!first && (exact || (!still && are_poses_near(&r->asked_pose, pose, ASK_M, ASK_RAD))))
         return;
     room_worker_ask(r->worker, &request->lens, *pose);
     r->asked_lens = request->lens;
@@ -322,7 +323,7 @@ enum status viewer_room_draw_surface(struct viewer *v, const struct take_view_re
     }
     if (status != OK)
         return status;
-    if (!r->surface_drawn || !near(&r->surface_pose, &request->world_from_camera, 1e-9, 1e-9)) {
+    if (!r->surface_drawn || !are_poses_near(&r->surface_pose, &request->world_from_camera, 1e-9, 1e-9)) {
         const struct solid_view view = {r->surface, *lens, request->world_from_camera};
         gpu_target_clear(r->surface);
         solid_renderer_draw(r->renderer, &view, r->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
@@ -339,25 +340,27 @@ enum status viewer_room_draw_surface(struct viewer *v, const struct take_view_re
 
 // Points of the thing's front, moved towards the viewer: by the surface's own error, and, where the viewer looks at its
 // back, by its width: the thing does not hide itself.
-static void put_points(const struct room_thing *t, struct vec3 eye, struct overlay_group *out)
+static void put_points(const struct room_thing *thing, struct vec3 eye, struct overlay_group *out)
 {
-    const struct vec3 middle = t->world_from_thing.translation, to_eye = v3_unit(v3_sub(eye, middle));
-    const struct vec3 back = quat_rotate(t->world_from_thing.rotation, v3(0, 0, 1));
+    const struct vec3 middle = thing->world_from_thing.translation, to_eye = v3_unit(v3_sub(eye, middle));
+    const struct vec3 back = quat_rotate(thing->world_from_thing.rotation, v3(0, 0, 1));
     const double behind = fmax(0, v3_dot(to_eye, back));
-    const double towards_m = fmin(FRONT_M + behind * fmin(t->width_m, t->height_m), v3_distance(eye, middle) / 2);
+    const double towards_m =
+        fmin(FRONT_M + behind * fmin(thing->width_m, thing->height_m), v3_distance(eye, middle) / 2);
     for (int i = 0; i < OVERLAY_POINTS; i++) {
-        const struct vec3 at = v3((i % 3 - 1) * MIDDLE_RATE * t->width_m, (i / 3 - 1) * MIDDLE_RATE * t->height_m, 0);
-        out->point[i] = v3_add(pose_apply(t->world_from_thing, at), v3_scale(to_eye, towards_m));
+        const struct vec3 at =
+            v3((i % 3 - 1) * MIDDLE_RATE * thing->width_m, (i / 3 - 1) * MIDDLE_RATE * thing->height_m, 0);
+        out->point[i] = v3_add(pose_apply(thing->world_from_thing, at), v3_scale(to_eye, towards_m));
     }
 }
 
-void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request)
+void viewer_room_ask_seen(struct viewer *viewer, struct take_view_request *request)
 {
-    struct viewer_room *r = &v->room;
-    const int count = r->things.known.count < ROOM_LABELS_MOST ? r->things.known.count : ROOM_LABELS_MOST;
+    struct viewer_room *r = &viewer->room;
+    const int count = r->things.known.count < ROOM_LABELS_MAX ? r->things.known.count : ROOM_LABELS_MAX;
     _Static_assert(OVERLAY_POINTS == 9, "3 x 3");
-    _Static_assert((int)ROOM_LABELS_MOST <= (int)OVERLAY_GROUPS_MOST, "each label is asked for");
-    if (!v->state.room.names || !count || request->camera_lost || !take_view_is_located(v->take_view))
+    _Static_assert((int)ROOM_LABELS_MAX <= (int)OVERLAY_GROUPS_MAX, "each label is asked for");
+    if (!viewer->state.room.names || !count || request->camera_lost || !take_view_is_located(viewer->take_view))
         return;
     for (int i = 0; i < count; i++)
         put_points(&r->things.shown[i], request->world_from_camera.translation, &r->asked[i]);
@@ -368,7 +371,7 @@ void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request)
 enum status viewer_room_read_seen(struct viewer *v)
 {
     struct viewer_room *r = &v->room;
-    float share[OVERLAY_GROUPS_MOST];
+    float share[OVERLAY_GROUPS_MAX];
     int count;
     if (!r->seen_comes)
         return OK;
@@ -392,57 +395,57 @@ static struct lens lens_of_map(int width, int height)
         .width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = 0.42 * height};
 }
 
-static enum status draw_map(struct viewer *v, struct ui_box box, double px_per_dp)
+static enum status draw_map(struct viewer *viewer, struct ui_box box, double px_per_dp)
 {
-    struct viewer_room *r = &v->room;
+    struct viewer_room *r = &viewer->room;
     const struct lens lens = lens_of_map((int)fmax(box.w * px_per_dp, 16), (int)fmax(box.h * px_per_dp, 16));
-    const struct pose pose = orbit_world_from_camera(&v->state.room.map_orbit);
+    const struct pose pose = orbit_world_from_camera(&viewer->state.room.map_orbit);
     enum status status = OK;
     r->page.map_view = (struct figure_view){lens, pose, {1 / px_per_dp, box.x, box.y}, false};
     if (!r->map || !lens_equal(&lens, &r->map_lens)) {
         gpu_target_close(&r->map);
-        status = gpu_target_open(&r->map, v->gpu, lens.width, lens.height);
+        status = gpu_target_open(&r->map, viewer->gpu, lens.width, lens.height);
         r->map_drawn = false;
         r->map_lens = lens;
     }
     if (status != OK)
         return status;
-    if (!r->map_drawn || !near(&r->map_pose, &pose, 0, 0)) {
+    if (!r->map_drawn || !are_poses_near(&r->map_pose, &pose, 0, 0)) {
         const struct solid_view view = {r->map, lens, pose};
         gpu_target_clear(r->map);
         if (r->mesh)
             solid_renderer_draw(r->renderer, &view, r->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
-        room_things_draw(&r->things, v->gpu, r->renderer, &view);
+        room_things_draw(&r->things, viewer->gpu, r->renderer, &view);
         r->map_pose = pose;
         r->map_drawn = true;
     }
     r->page.map = gpu_target_texture(r->map);
-    r->page.map_is_coming = v->has_place && !r->mesh_came;
+    r->page.map_is_coming = viewer->has_place && !r->mesh_came;
     return OK;
 }
 
-static void fill_viewer(struct viewer *v)
+static void fill_viewer(struct viewer *viewer)
 {
-    struct room_page *p = &v->room.page;
-    const struct camera_frame *f = v->frame;
-    p->path = v->room.path;
-    p->path_count = v->room.path_count;
-    if (f && f->placed && !v->state.orbiting) {
+    struct room_page *p = &viewer->room.page;
+    const struct camera_frame *f = viewer->frame;
+    p->path = viewer->room.path;
+    p->path_count = viewer->room.path_count;
+    if (f && f->placed && !viewer->state.orbiting) {
         p->viewer_known = true;
         p->world_from_viewer = f->world_from_camera;
         p->viewer_lens = f->lens;
-    } else if (v->state.orbiting && v->has_image && take_view_is_located(v->take_view)) {
+    } else if (viewer->state.orbiting && viewer->has_image && take_view_is_located(viewer->take_view)) {
         p->viewer_known = true;
-        p->world_from_viewer = v->image.world_from_camera;
-        p->viewer_lens = v->image.lens;
+        p->world_from_viewer = viewer->image.world_from_camera;
+        p->viewer_lens = viewer->image.lens;
     }
 }
 
 // ---------------------------------------------------------------- the card
 
-static void describe_source(struct viewer *v, int i)
+static void describe_source(struct viewer *viewer, int i)
 {
-    struct viewer_room *r = &v->room;
+    struct viewer_room *r = &viewer->room;
     const struct place_thing *t = &r->things.known.things[i];
     const enum answer answer = r->things.shown[i].answer;
     r->card.source_warns = answer == ANSWER_NONE || t->gone;
@@ -463,30 +466,32 @@ static void describe_source(struct viewer *v, int i)
     r->card.source = r->source;
 }
 
-static enum status open_picture(struct viewer *v, int i)
+static enum status open_picture(struct viewer *viewer, int i)
 {
-    const struct image *p = &v->room.things.known.things[i].picture;
-    if (v->room.pictures[i] || !p->width || p->width > gpu_max_size(v->gpu) || p->height > gpu_max_size(v->gpu))
+    const struct image *image = &viewer->room.things.known.things[i].picture;
+    if (viewer->room.pictures[i] || !image->width || image->width > gpu_max_size(viewer->gpu) ||
+        image->height > gpu_max_size(viewer->gpu))
         return OK;
-    const struct gpu_texture_layout how = {GPU_RGB8, p->width, p->height, GPU_LINEAR};
-    return gpu_texture_open(&v->room.pictures[i], v->gpu, &how, p->rgb);
+    const struct gpu_texture_layout how = {GPU_RGB8, image->width, image->height, GPU_LINEAR};
+    return gpu_texture_open(&viewer->room.pictures[i], viewer->gpu, &how, image->rgb);
 }
 
-static enum status draw_card(struct viewer *v, int64_t now_ns)
+static enum status draw_card(struct viewer *viewer, int64_t now_ns)
 {
-    struct viewer_room *r = &v->room;
-    const int i = v->state.room.card;
-    if (v->state.sheet != SHEET_CARD || i < 0 || i >= r->things.known.count)
+    struct viewer_room *r = &viewer->room;
+    const int i = viewer->state.room.card;
+    if (viewer->state.sheet != SHEET_CARD || i < 0 || i >= r->things.known.count)
         return OK;
     const struct place_thing *t = &r->things.known.things[i];
     const struct thing_knowledge *k = &t->knowledge;
-    enum status status = open_picture(v, i);
+    enum status status = open_picture(viewer, i);
     if (status == OK && !r->turning)
-        status = gpu_target_open(&r->turning, v->gpu, TURNING_PX, TURNING_PX);
+        status = gpu_target_open(&r->turning, viewer->gpu, TURNING_PX, TURNING_PX);
     if (status != OK)
         return status;
     const double angle = TURN_RAD_S * (double)(now_ns % 1000000000000) * 1e-9;
-    thing_solid_draw_turning(room_things_solid(&r->things, v->gpu, i), r->renderer, r->turning, fmod(angle, 2 * PI));
+    thing_solid_draw_turning(room_things_solid(&r->things, viewer->gpu, i), r->renderer, r->turning,
+                             fmod(angle, 2 * PI));
     r->card =
         (struct thing_card){.name = k->name[0] ? k->name : t->name,
                             .description = k->description,
@@ -498,7 +503,7 @@ static enum status draw_card(struct viewer *v, int64_t now_ns)
                             .picture_aspect = t->picture.height ? (double)t->picture.width / t->picture.height : 1,
                             .body = gpu_target_texture(r->turning),
                             .is_model = r->things.solids[i].is_model};
-    describe_source(v, i);
+    describe_source(viewer, i);
     r->page.card = &r->card;
     return OK;
 }

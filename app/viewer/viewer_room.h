@@ -3,8 +3,8 @@
 // alone.
 #pragma once
 #include "app/place/place_things.h"
-#include "app/ui/room_page.h"
 #include "app/place/room_worker.h"
+#include "app/ui/room_page.h"
 #include "recording/recorded_drive.h"
 
 // ---------------------------------------------------------------- room things
@@ -21,10 +21,10 @@ struct room_things {
 
 // What of them is damaged is no error: there are none then. ERR_MEMORY; room_things_close is needed then, too.
 MUST_CHECK enum status room_things_open(struct room_things *out, struct recording *recording);
-void room_things_close(struct room_things *t); // zeroed is fine
+void room_things_close(struct room_things *things); // zeroed is fine
 
 // All bodies, in the place's world.
-void room_things_draw(struct room_things *t, struct gpu *gpu, struct solid_renderer *renderer,
+void room_things_draw(struct room_things *things, struct gpu *gpu, struct solid_renderer *renderer,
                       const struct solid_view *view);
 
 // ---------------------------------------------------------------- viewer room
@@ -32,7 +32,7 @@ void room_things_draw(struct room_things *t, struct gpu *gpu, struct solid_rende
 struct viewer;
 struct viewer_surface;
 
-enum { VIEWER_PATH_MOST = 512 };
+enum { VIEWER_PATH_MAX = 512 };
 
 struct viewer_room {
     struct room_things things;
@@ -62,7 +62,7 @@ struct viewer_room {
     struct lens map_lens;
     struct pose map_pose; // that the map shows
     bool map_drawn;
-    struct vec3 path[VIEWER_PATH_MOST];
+    struct vec3 path[VIEWER_PATH_MAX];
     int path_count;
     struct recorded_drive drive;
     bool driven; // a robot was, in the place
@@ -76,9 +76,9 @@ struct viewer_room {
 
 // Reads the recording's things. What of them is damaged is no error: there are none then. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status viewer_room_open(struct viewer *v);
-void viewer_room_close(struct viewer *v);
+void viewer_room_close(struct viewer *viewer);
 // Fetches what the threads have made.
-void viewer_room_update(struct viewer *v, int64_t now_ns);
+void viewer_room_update(struct viewer *viewer, int64_t now_ns);
 
 // The recorded views behind an orbit, as seen by the request; *out NULL: there are none (yet). ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status viewer_room_draw_filmed(struct viewer *v, const struct take_view_request *request,
@@ -89,11 +89,11 @@ MUST_CHECK enum status viewer_room_draw_surface(struct viewer *v, const struct t
                                                 struct take_view_image *out);
 // Asks with the request which things are seen in its picture; the answer is read before the next one is drawn, when the
 // GPU has it.
-void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request);
+void viewer_room_ask_seen(struct viewer *viewer, struct take_view_request *request);
 MUST_CHECK enum status viewer_room_read_seen(struct viewer *v); // ERR_DEVICE
 
 // Fills room.page, with the map and the card's pictures where they are open. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status viewer_room_draw(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns);
 
 // Whether the recorded views are to be shown behind the orbit.
-bool viewer_room_wants_filmed(const struct viewer *v);
+bool viewer_room_wants_filmed(const struct viewer *viewer);

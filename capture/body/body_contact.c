@@ -59,15 +59,15 @@ double body_floor_energy(const struct fit_task *task, const struct body_build *b
 #define CROSSED_M        0.06 // knees over each other by this much cost half of that
 
 // Penetration depth of a sphere in a solid; *out is the direction of the shortest way out. <= 0: it is outside.
-static double penetration_depth(const struct body_solid *s, struct vec3 c, double radius, struct vec3 *out)
+static double penetration_depth(const struct body_solid *solid, struct vec3 c, double radius, struct vec3 *out)
 {
-    struct vec3 axis = v3_sub(s->b, s->a), from = v3_sub(c, s->a);
+    struct vec3 axis = v3_sub(solid->b, solid->a), from = v3_sub(c, solid->a);
     double length2 = v3_dot(axis, axis), t = length2 > 1e-12 ? v3_dot(from, axis) / length2 : 0;
     t = t < 0 ? 0 : t > 1 ? 1 : t;
-    double width = solid_width(s, t), thick = solid_radius(s, t);
-    struct vec3 middle = v3_add(s->a, v3_scale(axis, t)), off = v3_sub(c, middle);
-    double beside = width > 0 ? v3_dot(off, s->side) : 0;
-    off = v3_sub(off, v3_scale(s->side, beside < -width ? -width : beside > width ? width : beside));
+    double width = solid_width(solid, t), thick = solid_radius(solid, t);
+    struct vec3 middle = v3_add(solid->a, v3_scale(axis, t)), off = v3_sub(c, middle);
+    double beside = width > 0 ? v3_dot(off, solid->side) : 0;
+    off = v3_sub(off, v3_scale(solid->side, beside < -width ? -width : beside > width ? width : beside));
     *out = v3_unit(off);
     return thick + radius - v3_length(off);
 }
@@ -81,9 +81,9 @@ struct collision_probe {
 static double collision_cost(const struct body_build *build, const struct collision_probe *probe,
                              double limb_energy[SEG_COUNT], struct normal_equations *system)
 {
-    const struct body_solid *m = &build->solid[probe->mover];
-    struct vec3 c = v3_mix(m->a, m->b, probe->t);
-    double radius = (solid_radius(m, probe->t)) * (1 - 2 * SOFT_TISSUE_RATE), energy = 0;
+    const struct body_solid *solid = &build->solid[probe->mover];
+    struct vec3 c = v3_mix(solid->a, solid->b, probe->t);
+    double radius = (solid_radius(solid, probe->t)) * (1 - 2 * SOFT_TISSUE_RATE), energy = 0;
     for (int i = probe->first; i <= probe->last; i++) {
         struct vec3 out;
         double deep = penetration_depth(&build->solid[i], c, radius, &out);
@@ -92,8 +92,8 @@ static double collision_cost(const struct body_build *build, const struct collis
         double weight = 1 / (CONTACT_SIGMA_M * CONTACT_SIGMA_M),
                cost = 0.5 * weight * fmin(deep * deep, CONTACT_DEEP_MAX_M2);
         energy += cost;
-        limb_energy[m->segment] += cost;
-        normal_equations_add(system, build, &(struct point_residual){m->segment, c, out, deep, weight, NULL});
+        limb_energy[solid->segment] += cost;
+        normal_equations_add(system, build, &(struct point_residual){solid->segment, c, out, deep, weight, NULL});
     }
     return energy;
 }
@@ -121,11 +121,12 @@ static const struct collision_probe probes[] = {
     LEG_PROBES(SOLID_RIGHT_LEG, SOLID_LEFT_LEG),
 };
 
-double body_collision_energy(const struct body_build *build, double limb_energy[SEG_COUNT], struct normal_equations *s)
+double body_collision_energy(const struct body_build *build, double limb_energy[SEG_COUNT],
+                             struct normal_equations *equations)
 {
     double energy = 0;
     for (size_t i = 0; i < COUNT_OF(probes); i++)
-        energy += collision_cost(build, &probes[i], limb_energy, s);
+        energy += collision_cost(build, &probes[i], limb_energy, equations);
     return energy;
 }
 

@@ -1,10 +1,10 @@
 #include "capture/body/body_fit.h"
-#include "base/portable_math.h"
 
+#include "base/depth_noise.h"
+#include "base/portable_math.h"
 #include "capture/body/body_prior.h"
 #include "capture/body/normal_equations.h"
 #include "capture/body/solid_distance.h"
-#include "base/depth_noise.h"
 
 #include <string.h>
 
@@ -68,31 +68,31 @@ static void find_shape_jacobians(const struct body_shape *shape, const struct bo
         other.log[k] += d;
         body_forward_kinematics(&other, pose, &moved);
         for (int i = 0; i < build->solids; i++) {
-            const struct body_solid *m = &moved.solid[i], *o = &build->solid[i];
-            slope[k].a[i] = v3_scale(v3_sub(m->a, o->a), 1 / d);
-            slope[k].b[i] = v3_scale(v3_sub(m->b, o->b), 1 / d);
-            slope[k].width_a[i] = (m->width_a - o->width_a) / d;
-            slope[k].width_b[i] = (m->width_b - o->width_b) / d;
-            slope[k].radius_a[i] = (m->radius_a - o->radius_a) / d;
-            slope[k].radius_b[i] = (m->radius_b - o->radius_b) / d;
+            const struct body_solid *solid = &moved.solid[i], *o = &build->solid[i];
+            slope[k].a[i] = v3_scale(v3_sub(solid->a, o->a), 1 / d);
+            slope[k].b[i] = v3_scale(v3_sub(solid->b, o->b), 1 / d);
+            slope[k].width_a[i] = (solid->width_a - o->width_a) / d;
+            slope[k].width_b[i] = (solid->width_b - o->width_b) / d;
+            slope[k].radius_a[i] = (solid->radius_a - o->radius_a) / d;
+            slope[k].radius_b[i] = (solid->radius_b - o->radius_b) / d;
         }
     }
 }
 
 // The weight of one point: independent patches per point.
-static double point_share(const struct depth_evidence *e)
+static double point_share(const struct depth_evidence *evidence)
 {
-    double patches = fmin(PATCHES_MAX, e->extent_m2 / (PATCH_M * PATCH_M));
-    return fmin(1, patches / fmax(e->count, 1));
+    double patches = fmin(PATCHES_MAX, evidence->extent_m2 / (PATCH_M * PATCH_M));
+    return fmin(1, patches / fmax(evidence->count, 1));
 }
 
 // What the skirt hides says nothing about the shape underneath: the surface nearest to a point is not the visible one
 // there.
-static bool is_under_skirt(const struct body_build *build, const struct body_solid *s, struct vec3 p)
+static bool is_under_skirt(const struct body_build *build, const struct body_solid *solid, struct vec3 p)
 {
-    if (build->solids <= SOLID_SKIRT || s->segment < SEG_LEFT_THIGH)
+    if (build->solids <= SOLID_SKIRT || solid->segment < SEG_LEFT_THIGH)
         return false;
-    const struct body_solid *skirt = &build->solid[SOLID_SKIRT + (s->segment >= SEG_RIGHT_THIGH)];
+    const struct body_solid *skirt = &build->solid[SOLID_SKIRT + (solid->segment >= SEG_RIGHT_THIGH)];
     struct vec3 axis = v3_sub(skirt->b, skirt->a);
     return v3_dot(v3_sub(p, skirt->a), axis) < v3_dot(axis, axis);
 }

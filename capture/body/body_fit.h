@@ -12,8 +12,8 @@
 //
 // Camera axes (x right, y down, z forward), metres and radians. Pure: no allocation, any thread with its own result.
 #pragma once
-#include "capture/body/depth_evidence.h"
 #include "capture/body/body_model.h"
+#include "capture/body/depth_evidence.h"
 #include "capture/body/point_evidence.h"
 
 enum {

@@ -1,4 +1,5 @@
 #include "capture/body/body_model.h"
+
 #include "base/portable_math.h"
 
 // Where a segment begins. Lengths are fractions of body height; x scales with `wide`, y and z with `tall`.
@@ -135,7 +136,7 @@ const struct body_limb body_limbs[LIMB_COUNT] = {
      SOLID_RIGHT_LEG},
 };
 
-int body_parent(enum segment s) { return segment_rule[s].parent; }
+int body_parent(enum segment segment) { return segment_rule[segment].parent; }
 
 enum segment body_mirror(enum segment s)
 {

@@ -91,14 +91,14 @@ enum {
     SOLID_COUNT = 21
 };
 
-static inline double solid_radius(const struct body_solid *s, double t) // at t in [0, 1] along the axis
+static inline double solid_radius(const struct body_solid *solid, double t) // at t in [0, 1] along the axis
 {
-    return s->radius_a + (s->radius_b - s->radius_a) * t;
+    return solid->radius_a + (solid->radius_b - solid->radius_a) * t;
 }
 
-static inline double solid_width(const struct body_solid *s, double t)
+static inline double solid_width(const struct body_solid *solid, double t)
 {
-    return s->width_a + (s->width_b - s->width_a) * t;
+    return solid->width_a + (solid->width_b - solid->width_a) * t;
 }
 
 struct body_build {
@@ -121,12 +121,12 @@ struct body_limb {
 extern const struct body_limb body_limbs[LIMB_COUNT];
 
 // A segment's axis k (0: left, 1: up, 2: ahead) in the camera.
-static inline struct vec3 body_axis(const struct body_build *build, enum segment s, int k)
+static inline struct vec3 body_axis(const struct body_build *build, enum segment segment, int k)
 {
-    return v3(build->axes[s][0][k], build->axes[s][1][k], build->axes[s][2][k]);
+    return v3(build->axes[segment][0][k], build->axes[segment][1][k], build->axes[segment][2][k]);
 }
 
-int body_parent(enum segment s); // -1 for the pelvis
+int body_parent(enum segment segment); // -1 for the pelvis
 
 void body_forward_kinematics(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out);
 

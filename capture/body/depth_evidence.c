@@ -39,21 +39,21 @@ enum status evidence_open(struct depth_evidence **out, const struct lens *lens)
     return OK;
 }
 
-void evidence_close(struct depth_evidence **e)
+void evidence_close(struct depth_evidence **evidence)
 {
-    if (!*e)
+    if (!*evidence)
         return;
-    free((*e)->inside);
-    free((*e)->nearest);
-    free(*e);
-    *e = NULL;
+    free((*evidence)->inside);
+    free((*evidence)->nearest);
+    free(*evidence);
+    *evidence = NULL;
 }
 
 // Takes over a neighbour's nearest cell if that is nearer.
-static void propagate_nearest(struct depth_evidence *e, int x, int y, int i, int j)
+static void propagate_nearest(struct depth_evidence *evidence, int x, int y, int i, int j)
 {
-    int16_t *mine = e->nearest[y * e->width + x];
-    const int16_t *theirs = e->nearest[(y + j) * e->width + x + i];
+    int16_t *mine = evidence->nearest[y * evidence->width + x];
+    const int16_t *theirs = evidence->nearest[(y + j) * evidence->width + x + i];
     int dx = theirs[0] + i, dy = theirs[1] + j;
     if (theirs[0] != FAR_AWAY && dx * dx + dy * dy < mine[0] * mine[0] + mine[1] * mine[1]) {
         mine[0] = (int16_t)dx;
@@ -62,112 +62,113 @@ static void propagate_nearest(struct depth_evidence *e, int x, int y, int i, int
 }
 
 // Vector distance transform in two sweeps (Danielsson 1980), within the area; exact to a fraction of a cell.
-static void compute_nearest(struct depth_evidence *e)
+static void compute_nearest(struct depth_evidence *evidence)
 {
-    const struct cell_area a = e->area;
+    const struct cell_area a = evidence->area;
     for (int y = a.top; y <= a.bottom; y++)
         for (int x = a.left; x <= a.right; x++) {
-            int i = y * e->width + x;
-            e->nearest[i][0] = e->nearest[i][1] = e->inside[i] ? 0 : FAR_AWAY;
+            int i = y * evidence->width + x;
+            evidence->nearest[i][0] = evidence->nearest[i][1] = evidence->inside[i] ? 0 : FAR_AWAY;
         }
     for (int y = a.top; y <= a.bottom; y++) {
         for (int x = a.left; x <= a.right; x++) {
             if (y > a.top)
-                propagate_nearest(e, x, y, 0, -1);
+                propagate_nearest(evidence, x, y, 0, -1);
             if (y > a.top && x > a.left)
-                propagate_nearest(e, x, y, -1, -1);
+                propagate_nearest(evidence, x, y, -1, -1);
             if (y > a.top && x < a.right)
-                propagate_nearest(e, x, y, 1, -1);
+                propagate_nearest(evidence, x, y, 1, -1);
             if (x > a.left)
-                propagate_nearest(e, x, y, -1, 0);
+                propagate_nearest(evidence, x, y, -1, 0);
         }
         for (int x = a.right - 1; x >= a.left; x--)
-            propagate_nearest(e, x, y, 1, 0);
+            propagate_nearest(evidence, x, y, 1, 0);
     }
     for (int y = a.bottom; y >= a.top; y--) {
         for (int x = a.right; x >= a.left; x--) {
             if (y < a.bottom)
-                propagate_nearest(e, x, y, 0, 1);
+                propagate_nearest(evidence, x, y, 0, 1);
             if (y < a.bottom && x < a.right)
-                propagate_nearest(e, x, y, 1, 1);
+                propagate_nearest(evidence, x, y, 1, 1);
             if (y < a.bottom && x > a.left)
-                propagate_nearest(e, x, y, -1, 1);
+                propagate_nearest(evidence, x, y, -1, 1);
             if (x < a.right)
-                propagate_nearest(e, x, y, 1, 0);
+                propagate_nearest(evidence, x, y, 1, 0);
         }
         for (int x = a.left + 1; x <= a.right; x++)
-            propagate_nearest(e, x, y, -1, 0);
+            propagate_nearest(evidence, x, y, -1, 0);
     }
 }
 
 static int clamp_int(int low, int x, int high) { return x < low ? low : x > high ? high : x; }
 
 // The person's cells and a margin.
-static void find_cell_area(struct depth_evidence *e)
+static void find_cell_area(struct depth_evidence *evidence)
 {
-    e->area.left = clamp_int(0, e->left / e->step - AREA_MARGIN, e->width - 1);
-    e->area.right = clamp_int(0, e->right / e->step + AREA_MARGIN, e->width - 1);
-    e->area.top = clamp_int(0, e->top / e->step - AREA_MARGIN, e->height - 1);
-    e->area.bottom = clamp_int(0, e->bottom / e->step + AREA_MARGIN, e->height - 1);
+    evidence->area.left = clamp_int(0, evidence->left / evidence->step - AREA_MARGIN, evidence->width - 1);
+    evidence->area.right = clamp_int(0, evidence->right / evidence->step + AREA_MARGIN, evidence->width - 1);
+    evidence->area.top = clamp_int(0, evidence->top / evidence->step - AREA_MARGIN, evidence->height - 1);
+    evidence->area.bottom = clamp_int(0, evidence->bottom / evidence->step + AREA_MARGIN, evidence->height - 1);
 }
 
-bool evidence_read(struct depth_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted)
+bool evidence_read(struct depth_evidence *evidence, const uint16_t *depth, const uint8_t *mask, int wanted)
 {
-    const struct lens *l = &e->lens;
-    e->depth = depth;
-    e->mask = mask;
-    e->count = e->pixels = 0;
-    e->left = l->width, e->top = l->height, e->right = e->bottom = -1;
-    memset(e->inside, 0, (size_t)e->width * (size_t)e->height);
+    const struct lens *l = &evidence->lens;
+    evidence->depth = depth;
+    evidence->mask = mask;
+    evidence->count = evidence->pixels = 0;
+    evidence->left = l->width, evidence->top = l->height, evidence->right = evidence->bottom = -1;
+    memset(evidence->inside, 0, (size_t)evidence->width * (size_t)evidence->height);
     for (int y = 0; y < l->height; y++) {
         const uint8_t *row = mask + (size_t)y * (size_t)l->width;
         if (!memchr(row, 255, (size_t)l->width))
             continue;
         for (int x = 0; x < l->width; x++)
             if (row[x]) {
-                e->inside[(y / e->step) * e->width + x / e->step] = 1;
-                e->pixels++;
-                e->left = x < e->left ? x : e->left;
-                e->right = x > e->right ? x : e->right;
-                e->top = y < e->top ? y : e->top;
-                e->bottom = y;
+                evidence->inside[(y / evidence->step) * evidence->width + x / evidence->step] = 1;
+                evidence->pixels++;
+                evidence->left = x < evidence->left ? x : evidence->left;
+                evidence->right = x > evidence->right ? x : evidence->right;
+                evidence->top = y < evidence->top ? y : evidence->top;
+                evidence->bottom = y;
             }
     }
-    if (e->pixels < PIXELS_MIN)
+    if (evidence->pixels < PIXELS_MIN)
         return false;
-    e->bounds = find_image_bounds(depth, l);
-    find_cell_area(e);
-    compute_nearest(e);
+    evidence->bounds = find_image_bounds(depth, l);
+    find_cell_area(evidence);
+    compute_nearest(evidence);
     if (wanted > EVIDENCE_POINTS_MAX)
         wanted = EVIDENCE_POINTS_MAX;
-    int stride = (int)ceil(sqrt((double)e->pixels / wanted));
+    int stride = (int)ceil(sqrt((double)evidence->pixels / wanted));
     if (stride < 1)
         stride = 1;
-    e->low = v3(1e9, 1e9, 1e9);
-    e->high = v3(-1e9, -1e9, -1e9);
+    evidence->low = v3(1e9, 1e9, 1e9);
+    evidence->high = v3(-1e9, -1e9, -1e9);
     double z2 = 0;
-    for (int y = e->top; y <= e->bottom; y += stride)
-        for (int x = e->left + (y / stride % 2) * (stride / 2); x <= e->right; x += stride) {
+    for (int y = evidence->top; y <= evidence->bottom; y += stride)
+        for (int x = evidence->left + (y / stride % 2) * (stride / 2); x <= evidence->right; x += stride) {
             int d = depth[y * l->width + x];
-            if (!mask[y * l->width + x] || !d || e->count == EVIDENCE_POINTS_MAX)
+            if (!mask[y * l->width + x] || !d || evidence->count == EVIDENCE_POINTS_MAX)
                 continue;
             double z = d * 0.001, sigma = depth_sigma_m(z);
             struct vec3 p = v3_scale(lens_ray(l, (struct pixel){x, y}), z);
             z2 += z * z;
-            e->point[e->count++] = (struct evidence_point){p, 1 / (SURFACE_SIGMA_M * SURFACE_SIGMA_M + sigma * sigma)};
-            e->low = v3(fmin(e->low.x, p.x), fmin(e->low.y, p.y), fmin(e->low.z, p.z));
-            e->high = v3(fmax(e->high.x, p.x), fmax(e->high.y, p.y), fmax(e->high.z, p.z));
+            evidence->point[evidence->count++] =
+                (struct evidence_point){p, 1 / (SURFACE_SIGMA_M * SURFACE_SIGMA_M + sigma * sigma)};
+            evidence->low = v3(fmin(evidence->low.x, p.x), fmin(evidence->low.y, p.y), fmin(evidence->low.z, p.z));
+            evidence->high = v3(fmax(evidence->high.x, p.x), fmax(evidence->high.y, p.y), fmax(evidence->high.z, p.z));
         }
-    e->extent_m2 = e->count ? e->pixels * z2 / e->count / (l->fx * l->fy) : 0;
-    return e->count >= POINTS_MIN;
+    evidence->extent_m2 = evidence->count ? evidence->pixels * z2 / evidence->count / (l->fx * l->fy) : 0;
+    return evidence->count >= POINTS_MIN;
 }
 
-unsigned evidence_cropped_edges(const struct depth_evidence *e)
+unsigned evidence_cropped_edges(const struct depth_evidence *evidence)
 {
-    return (e->left <= e->bounds.left + CROP_MARGIN ? CROP_LEFT : 0) |
-           (e->right >= e->bounds.right - CROP_MARGIN ? CROP_RIGHT : 0) |
-           (e->top <= e->bounds.top + CROP_MARGIN ? CROP_TOP : 0) |
-           (e->bottom >= e->bounds.bottom - CROP_MARGIN ? CROP_BOTTOM : 0);
+    return (evidence->left <= evidence->bounds.left + CROP_MARGIN ? CROP_LEFT : 0) |
+           (evidence->right >= evidence->bounds.right - CROP_MARGIN ? CROP_RIGHT : 0) |
+           (evidence->top <= evidence->bounds.top + CROP_MARGIN ? CROP_TOP : 0) |
+           (evidence->bottom >= evidence->bounds.bottom - CROP_MARGIN ? CROP_BOTTOM : 0);
 }
 
 enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
@@ -197,7 +198,7 @@ enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, 
     return EVIDENCE_OFF_PERSON;
 }
 
-int evidence_visible_count(const struct depth_evidence *e, struct vec3 c, double radius, bool *outside)
+int evidence_visible_count(const struct depth_evidence *evidence, struct vec3 c, double radius, bool *outside)
 {
     int shown = 0;
     *outside = true;
@@ -207,7 +208,7 @@ int evidence_visible_count(const struct depth_evidence *e, struct vec3 c, double
         if (p.z < 0.1)
             continue;
         double measured, dx, dy;
-        enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, p), p.z, &measured, &dx, &dy);
+        enum evidence_kind kind = evidence_at(evidence, lens_project(&evidence->lens, p), p.z, &measured, &dx, &dy);
         *outside = *outside && kind == EVIDENCE_OUTSIDE;
         if (kind == EVIDENCE_PERSON && measured > 0 &&
             fabs(measured - (p.z - radius)) < VISIBLE_SLACK_M + radius + 2 * depth_sigma_m(measured))

@@ -34,15 +34,15 @@ struct depth_evidence {
 
 // Copies the lens. ERR_MEMORY: *out is NULL.
 MUST_CHECK enum status evidence_open(struct depth_evidence **out, const struct lens *lens);
-void evidence_close(struct depth_evidence **e); // NULL is fine
+void evidence_close(struct depth_evidence **evidence); // NULL is fine
 
 // Reads one frame; `depth` and `mask` are borrowed until the next call. At most `wanted` points are taken, evenly
-// spread over the person. False: fewer than 40 pixels or 30 points, too few to fit; *e must not be used then.
-bool evidence_read(struct depth_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted);
+// spread over the person. False: fewer than 40 pixels or 30 points, too few to fit; *evidence must not be used then.
+bool evidence_read(struct depth_evidence *evidence, const uint16_t *depth, const uint8_t *mask, int wanted);
 
 // The image's edges that crop the person: those within CROP_MARGIN pixels of the mask. A set of bits.
 enum { CROP_LEFT = 1, CROP_RIGHT = 2, CROP_TOP = 4, CROP_BOTTOM = 8, CROP_MARGIN = 2 };
-unsigned evidence_cropped_edges(const struct depth_evidence *e);
+unsigned evidence_cropped_edges(const struct depth_evidence *evidence);
 
 enum evidence_kind { EVIDENCE_OUTSIDE, EVIDENCE_PERSON, EVIDENCE_OFF_PERSON, EVIDENCE_OCCLUDED };
 
@@ -57,4 +57,4 @@ enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, 
 // How many of EVIDENCE_PROBES pixels about c show the person's surface, which is expected `radius` metres in front of
 // c; *outside: none of them is in the image.
 enum { EVIDENCE_PROBES = 5 };
-int evidence_visible_count(const struct depth_evidence *e, struct vec3 c, double radius, bool *outside);
+int evidence_visible_count(const struct depth_evidence *evidence, struct vec3 c, double radius, bool *outside);

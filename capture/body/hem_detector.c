@@ -76,13 +76,13 @@ bool hem_detect(const struct fit_task *task, double height_m, struct hem *out)
     return true;
 }
 
-void hem_update(struct hem_estimate *b, const struct hem *hem, double waist_level_m)
+void hem_update(struct hem_estimate *estimate, const struct hem *hem, double waist_level_m)
 {
-    b->count += b->count < HEM_FRAMES_MAX;
-    double share = 1.0 / b->count;
-    b->below_m += share * (waist_level_m - hem->level_m - b->below_m);
-    b->wide_m += share * (hem->wide_m - b->wide_m);
-    b->narrow += share * (hem->narrow - b->narrow);
+    estimate->count += estimate->count < HEM_FRAMES_MAX;
+    double share = 1.0 / estimate->count;
+    estimate->below_m += share * (waist_level_m - hem->level_m - estimate->below_m);
+    estimate->wide_m += share * (hem->wide_m - estimate->wide_m);
+    estimate->narrow += share * (hem->narrow - estimate->narrow);
 }
 
 bool hem_is_worn(double narrow, double wide_m, double height_m, bool wears)

@@ -80,15 +80,15 @@ struct joint_jacobian {
     struct vec3 by[CHAIN_MAX];
 };
 
-static void find_jacobian(const struct body_build *build, enum joint j, struct joint_jacobian *out)
+static void find_jacobian(const struct body_build *build, enum joint joint, struct joint_jacobian *out)
 {
     out->count = 0;
-    for (int s = joint_segment[j]; s >= 0; s = body_parent((enum segment)s))
+    for (int s = joint_segment[joint]; s >= 0; s = body_parent((enum segment)s))
         for (int k = 2; k >= 0; k--) {
             const struct vec3 axis =
                 v3(build->parent_axes[s][0][k], build->parent_axes[s][1][k], build->parent_axes[s][2][k]);
             out->row[out->count] = FIT_POSE_COUNT - 1 - (3 + 3 * s + k);
-            out->by[out->count++] = v3_cross(axis, v3_sub(build->joint[j], build->origin[s]));
+            out->by[out->count++] = v3_cross(axis, v3_sub(build->joint[joint], build->origin[s]));
         }
     for (int k = 2; k >= 0; k--) {
         out->row[out->count] = FIT_POSE_COUNT - 1 - k;
@@ -97,12 +97,12 @@ static void find_jacobian(const struct body_build *build, enum joint j, struct j
 }
 
 // J H^-1 J' = Y' Y with L Y = J': nothing of Y outside the chain differs from 0.
-static struct covariance3 joint_posterior(const struct pose_factor *f, const struct joint_jacobian *jacobian)
+static struct covariance3 joint_posterior(const struct pose_factor *factor, const struct joint_jacobian *jacobian)
 {
     struct vec3 y[CHAIN_MAX];
     struct covariance3 sum = {0};
     for (int i = 0; i < jacobian->count; i++) {
-        const double *l = f->l[jacobian->row[i]];
+        const double *l = factor->l[jacobian->row[i]];
         y[i] = jacobian->by[i];
         for (int k = 0; k < i; k++)
             y[i] = v3_sub(y[i], v3_scale(y[k], l[jacobian->row[k]]));

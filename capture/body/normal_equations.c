@@ -6,20 +6,21 @@
 // below those of any prior.
 static const double DIAGONAL_MIN = 1e-3, PIVOT_MIN = 1e-9;
 
-void normal_equations_reset(struct normal_equations *s, bool with_shape)
+void normal_equations_reset(struct normal_equations *equations, bool with_shape)
 {
-    memset(s, 0, sizeof *s);
-    s->count = with_shape ? FIT_COUNT : FIT_POSE_COUNT;
+    memset(equations, 0, sizeof *equations);
+    equations->count = with_shape ? FIT_COUNT : FIT_POSE_COUNT;
 }
 
-void normal_equations_add(struct normal_equations *s, const struct body_build *build, const struct point_residual *r)
+void normal_equations_add(struct normal_equations *equations, const struct body_build *build,
+                          const struct point_residual *point_residual)
 {
-    if (!s)
+    if (!equations)
         return;
-    const struct vec3 n = r->normal, moment = v3_cross(v3_sub(r->point, build->origin[0]), n);
-    const double residual = r->residual, weight = r->weight, *shape = r->shape;
+    const struct vec3 n = point_residual->normal, moment = v3_cross(v3_sub(point_residual->point, build->origin[0]), n);
+    const double residual = point_residual->residual, weight = point_residual->weight, *shape = point_residual->shape;
     const double j[TWIST_COUNT] = {n.x, n.y, n.z, moment.x, moment.y, moment.z};
-    struct segment_sum *sum = &s->sum[r->segment];
+    struct segment_sum *sum = &equations->sum[point_residual->segment];
     for (int a = 0; a < TWIST_COUNT; a++) {
         double w = weight * j[a];
         sum->g[a] += w * residual;
@@ -32,9 +33,9 @@ void normal_equations_add(struct normal_equations *s, const struct body_build *b
             continue;
         for (int a = 0; a < TWIST_COUNT; a++)
             sum->shape[k][a] += w * j[a];
-        s->g[FIT_POSE_COUNT + k] += w * residual;
+        equations->g[FIT_POSE_COUNT + k] += w * residual;
         for (int b = 0; b <= k; b++)
-            s->h[FIT_POSE_COUNT + k][FIT_POSE_COUNT + b] += w * shape[b];
+            equations->h[FIT_POSE_COUNT + k][FIT_POSE_COUNT + b] += w * shape[b];
     }
 }
 
@@ -64,15 +65,15 @@ static void segment_twist(const struct body_build *build, int s, int k, double o
 }
 
 // Segment by segment from the ends inwards.
-void normal_equations_assemble(struct normal_equations *s, const struct body_build *build)
+void normal_equations_assemble(struct normal_equations *equations, const struct body_build *build)
 {
     double twist[SEG_COUNT][3][TWIST_COUNT];
-    bool shape = s->count == FIT_COUNT;
+    bool shape = equations->count == FIT_COUNT;
     for (int i = 0; i < SEG_COUNT; i++)
         for (int k = 0; k < 3; k++)
             segment_twist(build, i, k, twist[i][k]);
     for (int i = SEG_COUNT - 1; i >= 0; i--) {
-        struct segment_sum *sum = &s->sum[i];
+        struct segment_sum *sum = &equations->sum[i];
         for (int k = 0; k < 3; k++) {
             double force[TWIST_COUNT];
             for (int a = 0; a < TWIST_COUNT; a++) {
@@ -81,24 +82,24 @@ void normal_equations_assemble(struct normal_equations *s, const struct body_bui
                     force[a] += sum->h[a > b ? a : b][a > b ? b : a] * twist[i][k][b];
             }
             int row = 3 + 3 * i + k;
-            s->g[row] += dot6(sum->g, twist[i][k]);
+            equations->g[row] += dot6(sum->g, twist[i][k]);
             for (int m = 0; m < 3; m++)
-                s->h[row][m] += force[m];
+                equations->h[row][m] += force[m];
             for (int up = i; up >= 0; up = body_parent((enum segment)up))
                 for (int m = 0; m < (up == i ? k + 1 : 3); m++)
-                    s->h[row][3 + 3 * up + m] += dot6(force, twist[up][m]);
+                    equations->h[row][3 + 3 * up + m] += dot6(force, twist[up][m]);
             for (int a = 0; shape && a < SHAPE_COUNT; a++)
-                s->h[FIT_POSE_COUNT + a][row] += dot6(sum->shape[a], twist[i][k]);
+                equations->h[FIT_POSE_COUNT + a][row] += dot6(sum->shape[a], twist[i][k]);
         }
         if (i > 0)
-            add_segment_sum(&s->sum[body_parent((enum segment)i)], sum, shape);
+            add_segment_sum(&equations->sum[body_parent((enum segment)i)], sum, shape);
     }
     for (int m = 0; m < 3; m++) { // the root's translation
-        s->g[m] += s->sum[0].g[m];
+        equations->g[m] += equations->sum[0].g[m];
         for (int b = 0; b <= m; b++)
-            s->h[m][b] += s->sum[0].h[m][b];
+            equations->h[m][b] += equations->sum[0].h[m][b];
         for (int a = 0; shape && a < SHAPE_COUNT; a++)
-            s->h[FIT_POSE_COUNT + a][m] += s->sum[0].shape[a][m];
+            equations->h[FIT_POSE_COUNT + a][m] += equations->sum[0].shape[a][m];
     }
 }
 
@@ -129,16 +130,16 @@ static struct elimination elimination_order(int count)
 
 // Not cholesky_factor() of base/linear_algebra.h: it skips the zeros left of each row's first unknown (a skyline),
 // damps the diagonal on the way, and solves in the same sweep, in an order that gives other roundings.
-bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT])
+bool normal_equations_solve(const struct normal_equations *equations, double damping, double x[FIT_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT], y[FIT_COUNT];
     bool finite = true;
-    struct elimination e = elimination_order(s->count);
-    for (int i = 0; i < s->count; i++) {
+    struct elimination e = elimination_order(equations->count);
+    for (int i = 0; i < equations->count; i++) {
         int a = e.unknown[i];
         for (int j = e.first[i]; j <= i; j++) {
             int b = e.unknown[j], from = e.first[i] > e.first[j] ? e.first[i] : e.first[j];
-            double sum = a > b ? s->h[a][b] : s->h[b][a];
+            double sum = a > b ? equations->h[a][b] : equations->h[b][a];
             if (i == j)
                 sum += damping * sum + DIAGONAL_MIN;
             for (int k = from; k < j; k++)
@@ -147,12 +148,12 @@ bool normal_equations_solve(const struct normal_equations *s, double damping, do
                 return false;
             l[i][j] = i == j ? sqrt(sum) : sum / l[j][j];
         }
-        y[i] = s->g[a];
+        y[i] = equations->g[a];
         for (int k = e.first[i]; k < i; k++)
             y[i] -= l[i][k] * y[k];
         y[i] /= l[i][i];
     }
-    for (int i = s->count - 1; i >= 0; i--) {
+    for (int i = equations->count - 1; i >= 0; i--) {
         y[i] /= l[i][i];
         x[e.unknown[i]] = y[i];
         finite = finite && isfinite(y[i]);
@@ -163,12 +164,13 @@ bool normal_equations_solve(const struct normal_equations *s, double damping, do
 }
 
 // Not marginal_information() of base/linear_algebra.h: the two parts differ in size, and pivots are clamped.
-void normal_equations_shape_information(const struct normal_equations *s, double information[SHAPE_COUNT][SHAPE_COUNT])
+void normal_equations_shape_information(const struct normal_equations *equations,
+                                        double information[SHAPE_COUNT][SHAPE_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT];
     for (int i = 0; i < FIT_COUNT; i++)
         for (int j = 0; j <= i; j++) {
-            double sum = s->h[i][j] + (i == j ? DIAGONAL_MIN : 0);
+            double sum = equations->h[i][j] + (i == j ? DIAGONAL_MIN : 0);
             int last = j < FIT_POSE_COUNT ? j : FIT_POSE_COUNT;
             for (int k = 0; k < last; k++)
                 sum -= l[i][k] * l[j][k];

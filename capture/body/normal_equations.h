@@ -31,20 +31,23 @@ struct point_residual {
 };
 
 // Empties it. with_shape: the shape is among the unknowns.
-void normal_equations_reset(struct normal_equations *s, bool with_shape);
+void normal_equations_reset(struct normal_equations *equations, bool with_shape);
 // Adds one residual. s may be NULL: nothing is done.
-void normal_equations_add(struct normal_equations *s, const struct body_build *build, const struct point_residual *r);
+void normal_equations_add(struct normal_equations *equations, const struct body_build *build,
+                          const struct point_residual *point_residual);
 // Propagates the segments' sums to h and g. Once, after all residuals.
-void normal_equations_assemble(struct normal_equations *s, const struct body_build *build);
+void normal_equations_assemble(struct normal_equations *equations, const struct body_build *build);
 // Solves (H + damping diag H) x = g by Cholesky decomposition; false when H is not positive definite, or x not finite.
-bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT]);
+bool normal_equations_solve(const struct normal_equations *equations, double damping, double x[FIT_COUNT]);
 // The information of the shape with the pose marginalised out: the Schur complement of H.
-void normal_equations_shape_information(const struct normal_equations *s, double information[SHAPE_COUNT][SHAPE_COUNT]);
+void normal_equations_shape_information(const struct normal_equations *equations,
+                                        double information[SHAPE_COUNT][SHAPE_COUNT]);
 
 // ---- contacts (body_contact.c); each returns its energy, s may be NULL
 // Feet stay above the floor, and the lower one usually stands on it.
 double body_floor_energy(const struct fit_task *task, const struct body_build *build, struct normal_equations *s);
 // Arms do not enter the trunk, nor one leg the other. Adds each moving segment's share to limb_energy.
-double body_collision_energy(const struct body_build *build, double limb_energy[SEG_COUNT], struct normal_equations *s);
+double body_collision_energy(const struct body_build *build, double limb_energy[SEG_COUNT],
+                             struct normal_equations *equations);
 // Against knees on each other's side. Without derivatives: it decides between poses and does not pull.
 double body_crossed_legs_energy(const struct body_build *build);

@@ -105,10 +105,10 @@ void point_evidence_read(struct point_evidence *out, const struct body_points *p
 }
 
 // Residuals are the tangents u of the angles off the ray, du/dp = (across - u along) / depth.
-static double ray_energy(const struct point_evidence *e, const struct point_ray *ray, const struct body_build *build,
-                         struct normal_equations *system)
+static double ray_energy(const struct point_evidence *evidence, const struct point_ray *ray,
+                         const struct body_build *build, struct normal_equations *system)
 {
-    const struct vec3 p = body_point_on(build, ray->name), q = v3_sub(p, e->eye);
+    const struct vec3 p = body_point_on(build, ray->name), q = v3_sub(p, evidence->eye);
     const double depth = v3_dot(q, ray->along), c2 = POINT_KERNEL * POINT_KERNEL;
     if (depth < NEAR_PLANE_M)
         return ray->weight * POINT_ENERGY_MAX;
@@ -131,12 +131,12 @@ static double ray_energy(const struct point_evidence *e, const struct point_ray 
     return 0.5 * ray->weight * e2 * fade;
 }
 
-double point_evidence_energy(const struct point_evidence *e, const struct body_build *build,
+double point_evidence_energy(const struct point_evidence *evidence, const struct body_build *build,
                              struct normal_equations *system)
 {
     double energy = 0;
-    for (int i = 0; e && i < e->count; i++)
-        energy += ray_energy(e, &e->ray[i], build, system);
+    for (int i = 0; evidence && i < evidence->count; i++)
+        energy += ray_energy(evidence, &evidence->ray[i], build, system);
     return energy;
 }
 
@@ -146,20 +146,21 @@ static bool is_on(const struct point_ray *ray, int first, int count)
     return solid >= first && solid < first + count;
 }
 
-double point_evidence_solids_energy(const struct point_evidence *e, const struct body_build *build, int first,
+double point_evidence_solids_energy(const struct point_evidence *evidence, const struct body_build *build, int first,
                                     int count)
 {
     double energy = 0;
-    for (int i = 0; e && i < e->count; i++)
-        if (is_on(&e->ray[i], first, count))
-            energy += ray_energy(e, &e->ray[i], build, NULL);
+    for (int i = 0; evidence && i < evidence->count; i++)
+        if (is_on(&evidence->ray[i], first, count))
+            energy += ray_energy(evidence, &evidence->ray[i], build, NULL);
     return energy;
 }
 
-double point_evidence_dispute(const struct point_evidence *e, const struct body_build *build, int first, int count)
+double point_evidence_dispute(const struct point_evidence *evidence, const struct body_build *build, int first,
+                              int count)
 {
-    double most = 0;
-    for (int i = 0; e && i < e->count; i++)
-        most += is_on(&e->ray[i], first, count) ? e->ray[i].weight * POINT_ENERGY_MAX : 0;
-    return most > 0 ? point_evidence_solids_energy(e, build, first, count) / most : 0;
+    double max = 0;
+    for (int i = 0; evidence && i < evidence->count; i++)
+        max += is_on(&evidence->ray[i], first, count) ? evidence->ray[i].weight * POINT_ENERGY_MAX : 0;
+    return max > 0 ? point_evidence_solids_energy(evidence, build, first, count) / max : 0;
 }

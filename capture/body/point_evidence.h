@@ -82,12 +82,13 @@ struct vec3 body_point_on(const struct body_build *build, enum body_point_name n
 struct normal_equations;
 
 // The points' energy; adds them to the normal equations. system NULL: the energy alone. e NULL: 0.
-double point_evidence_energy(const struct point_evidence *e, const struct body_build *build,
+double point_evidence_energy(const struct point_evidence *evidence, const struct body_build *build,
                              struct normal_equations *system);
 
 // The energy of the points that are on `count` solids from `first` on.
-double point_evidence_solids_energy(const struct point_evidence *e, const struct body_build *build, int first,
+double point_evidence_solids_energy(const struct point_evidence *evidence, const struct body_build *build, int first,
                                     int count);
 
 // The same as a share, 0..1, of what these points have against a body that is nowhere near them; without points 0.
-double point_evidence_dispute(const struct point_evidence *e, const struct body_build *build, int first, int count);
+double point_evidence_dispute(const struct point_evidence *evidence, const struct body_build *build, int first,
+                              int count);

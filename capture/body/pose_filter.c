@@ -1,6 +1,6 @@
 #include "capture/body/pose_filter.h"
-#include "base/portable_math.h"
 
+#include "base/portable_math.h"
 #include "capture/body/two_bone_ik.h"
 
 #include <string.h>
@@ -34,51 +34,51 @@ static int group_of(int segment)
 
 static const struct body_limb *limb_of(int group) { return &body_limbs[group - 1]; }
 
-void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose)
+void pose_filter_start(struct pose_filter *filter, const struct body_shape *shape, const struct body_pose *pose)
 {
     struct body_build build;
     body_forward_kinematics(shape, pose, &build);
-    *s = (struct pose_filter){.pose = *pose, .fits = 1};
-    memcpy(s->joint, build.joint, sizeof s->joint);
-    memcpy(s->fit[0], build.joint, sizeof s->fit[0]);
+    *filter = (struct pose_filter){.pose = *pose, .fits = 1};
+    memcpy(filter->joint, build.joint, sizeof filter->joint);
+    memcpy(filter->fit[0], build.joint, sizeof filter->fit[0]);
     for (int j = 0; j < JOINT_COUNT; j++)
-        s->jitter_m2[j] = JITTER_INITIAL_M * JITTER_INITIAL_M;
+        filter->jitter_m2[j] = JITTER_INITIAL_M * JITTER_INITIAL_M;
 }
 
 // The deviation of three consecutive fits from a straight line is jitter, but for acceleration, which JITTER_MAX_M
 // bounds.
-static void measure_jitter(struct pose_filter *s, const struct body_build *is, double dt_s)
+static void measure_jitter(struct pose_filter *filter, const struct body_build *is, double dt_s)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = is->joint[j];
-        if (s->fits >= 2) {
-            struct vec3 bend = v3_add(v3_sub(p, v3_scale(s->fit[0][j], 2)), s->fit[1][j]);
+        if (filter->fits >= 2) {
+            struct vec3 bend = v3_add(v3_sub(p, v3_scale(filter->fit[0][j], 2)), filter->fit[1][j]);
             double now = fmin(v3_dot(bend, bend) / 6, JITTER_MAX_M * JITTER_MAX_M); // 1 + 4 + 1 variances
-            s->jitter_m2[j] += (now - s->jitter_m2[j]) * (1 - portable_exp(-dt_s / JITTER_S));
+            filter->jitter_m2[j] += (now - filter->jitter_m2[j]) * (1 - portable_exp(-dt_s / JITTER_S));
         }
-        s->speed[j] =
-            v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / dt_s), 1 - portable_exp(-dt_s / SPEED_S));
-        s->fit[1][j] = s->fit[0][j];
-        s->fit[0][j] = p;
+        filter->speed[j] = v3_mix(filter->speed[j], v3_scale(v3_sub(p, filter->fit[0][j]), 1 / dt_s),
+                                  1 - portable_exp(-dt_s / SPEED_S));
+        filter->fit[1][j] = filter->fit[0][j];
+        filter->fit[0][j] = p;
     }
-    s->fits += s->fits < 1000;
+    filter->fits += filter->fits < 1000;
 }
 
 // The gain of each group, from STATIC_S to 1.
-static void find_gains(const struct pose_filter *s, const struct body_build *is, double dt_s, double gain[GROUPS])
+static void find_gains(const struct pose_filter *filter, const struct body_build *is, double dt_s, double gain[GROUPS])
 {
-    double most[GROUPS] = {0}, least = fmax(1 - portable_exp(-dt_s / STATIC_S), 1.0 / s->fits);
+    double max[GROUPS] = {0}, min = fmax(1 - portable_exp(-dt_s / STATIC_S), 1.0 / filter->fits);
     int group[JOINT_COUNT] = {0};
     for (int g = 1; g < GROUPS; g++)
         group[limb_of(g)->bend] = group[limb_of(g)->tip] = g;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        double off = v3_distance(is->joint[j], s->joint[j]) /
-                     (FULL_GAIN_SIGMAS * fmax(JITTER_MIN_M, sqrt(s->jitter_m2[j]))),
-               fast = v3_length(s->speed[j]) / FULL_GAIN_M_S;
-        most[group[j]] = fmax(most[group[j]], off * off + fast * fast);
+        double off = v3_distance(is->joint[j], filter->joint[j]) /
+                     (FULL_GAIN_SIGMAS * fmax(JITTER_MIN_M, sqrt(filter->jitter_m2[j]))),
+               fast = v3_length(filter->speed[j]) / FULL_GAIN_M_S;
+        max[group[j]] = fmax(max[group[j]], off * off + fast * fast);
     }
     for (int g = 0; g < GROUPS; g++)
-        gain[g] = least + (1 - least) * fmin(1, most[g] * most[g]);
+        gain[g] = min + (1 - min) * fmin(1, max[g] * max[g]);
 }
 
 // Slerp of each segment's rotation in the camera, not in its parent: jitter of the trunk and the opposite jitter of a
@@ -99,14 +99,14 @@ static void blend_poses(const struct body_pose *from, const struct body_pose *to
 
 // A standing foot, or a hand, must not move with the trunk's correction: each limb is aimed at the positions of its
 // joints between the last filtered and the fitted ones.
-static void preserve_limb_ends(const struct pose_filter *s, const struct body_shape *shape, const struct body_build *is,
-                               const double gain[GROUPS], struct body_pose *pose)
+static void preserve_limb_ends(const struct pose_filter *filter, const struct body_shape *shape,
+                               const struct body_build *is, const double gain[GROUPS], struct body_pose *pose)
 {
     for (int g = 1; g < GROUPS; g++) {
         const struct body_limb *l = limb_of(g);
         struct body_build build;
-        struct vec3 tip = v3_mix(s->joint[l->tip], is->joint[l->tip], gain[g]),
-                    bend = v3_mix(s->joint[l->bend], is->joint[l->bend], gain[g]);
+        struct vec3 tip = v3_mix(filter->joint[l->tip], is->joint[l->tip], gain[g]),
+                    bend = v3_mix(filter->joint[l->bend], is->joint[l->bend], gain[g]);
         body_forward_kinematics(shape, pose, &build);
         body_aim_segment(shape, pose, l->upper, v3_sub(bend, build.origin[l->upper]));
         body_forward_kinematics(shape, pose, &build);
@@ -136,19 +136,19 @@ static void limit_speed(const struct body_pose *was_pose, const struct body_buil
     }
 }
 
-void pose_filter_update(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose,
+void pose_filter_update(struct pose_filter *filter, const struct body_shape *shape, const struct body_pose *pose,
                         double dt_s)
 {
     struct body_build was, is;
-    struct body_pose before = s->pose, wanted;
+    struct body_pose before = filter->pose, wanted;
     double gain[GROUPS];
     body_forward_kinematics(shape, &before, &was);
     body_forward_kinematics(shape, pose, &is);
-    measure_jitter(s, &is, dt_s);
-    find_gains(s, &is, dt_s, gain);
+    measure_jitter(filter, &is, dt_s);
+    find_gains(filter, &is, dt_s, gain);
     blend_poses(&before, pose, gain, &wanted);
-    preserve_limb_ends(s, shape, &is, gain, &wanted);
-    limit_speed(&before, &was, shape, &wanted, dt_s, &s->pose);
-    body_forward_kinematics(shape, &s->pose, &is);
-    memcpy(s->joint, is.joint, sizeof s->joint);
+    preserve_limb_ends(filter, shape, &is, gain, &wanted);
+    limit_speed(&before, &was, shape, &wanted, dt_s, &filter->pose);
+    body_forward_kinematics(shape, &filter->pose, &is);
+    memcpy(filter->joint, is.joint, sizeof filter->joint);
 }

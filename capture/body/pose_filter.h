@@ -17,7 +17,7 @@ struct pose_filter {
     struct vec3 speed[JOINT_COUNT];  // mean of the fits', m/s
 };
 
-void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose);
-// Takes the next frame's fit, `dt_s` > 0 later; s->pose is then the filtered pose.
-void pose_filter_update(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose,
+void pose_filter_start(struct pose_filter *filter, const struct body_shape *shape, const struct body_pose *pose);
+// Takes the next frame's fit, `dt_s` > 0 later; filter->pose is then the filtered pose.
+void pose_filter_update(struct pose_filter *filter, const struct body_shape *shape, const struct body_pose *pose,
                         double dt_s);

@@ -1,7 +1,7 @@
 #include "capture/body/silhouette_cost.h"
-#include "base/portable_math.h"
 
 #include "base/depth_noise.h"
+#include "base/portable_math.h"
 
 // Chosen by hand; test_occluded_shin measures the outcome.
 #define PATCH_M       0.02

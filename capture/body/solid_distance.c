@@ -2,42 +2,42 @@
 
 #define BEYOND_M 1e3 // distance from a tube of a point beyond its end
 
-struct solid_line make_solid_line(const struct body_solid *s)
+struct solid_line make_solid_line(const struct body_solid *solid)
 {
-    struct solid_line l = {.axis = v3_sub(s->b, s->a), .flat = s->width_a > 0 || s->width_b > 0};
+    struct solid_line l = {.axis = v3_sub(solid->b, solid->a), .flat = solid->width_a > 0 || solid->width_b > 0};
     double length2 = v3_dot(l.axis, l.axis);
     l.length = sqrt(length2);
     l.per_length2 = length2 > 1e-12 ? 1 / length2 : 0;
-    l.lean = (s->radius_b - s->radius_a) * l.per_length2;
+    l.lean = (solid->radius_b - solid->radius_a) * l.per_length2;
     return l;
 }
 
 // Fills all but `solid`; `view` is the unit vector to p.
-static void measure_solid(const struct body_solid *s, const struct solid_line *l, struct vec3 p, struct vec3 view,
-                          struct solid_hit *out)
+static void measure_solid(const struct body_solid *solid, const struct solid_line *line, struct vec3 p,
+                          struct vec3 view, struct solid_hit *out)
 {
-    struct vec3 from_a = v3_sub(p, s->a);
-    double along = v3_dot(from_a, l->axis) * l->per_length2;
-    struct vec3 off = v3_sub(from_a, v3_scale(l->axis, along));
+    struct vec3 from_a = v3_sub(p, solid->a);
+    double along = v3_dot(from_a, line->axis) * line->per_length2;
+    struct vec3 off = v3_sub(from_a, v3_scale(line->axis, along));
     double away2 = v3_dot(off, off);
-    if (l->flat) {
-        double beside = v3_dot(off, s->side),
-               overhang = fmax(0, fabs(beside) - s->width_a - (s->width_b - s->width_a) * along);
+    if (line->flat) {
+        double beside = v3_dot(off, solid->side),
+               overhang = fmax(0, fabs(beside) - solid->width_a - (solid->width_b - solid->width_a) * along);
         away2 = fmax(0, away2 - beside * beside + overhang * overhang);
     }
-    along += l->lean * sqrt(away2);
-    if (s->open && along > 1) {
+    along += line->lean * sqrt(away2);
+    if (solid->open && along > 1) {
         out->distance = BEYOND_M;
         return;
     }
-    double t = along < 0 ? 0 : along > 1 ? 1 : along, radius = solid_radius(s, t);
+    double t = along < 0 ? 0 : along > 1 ? 1 : along, radius = solid_radius(solid, t);
     out->t = t;
     out->side_m = 0;
-    out->on = v3_add(s->a, v3_scale(l->axis, t));
-    if (l->flat) {
-        double width = solid_width(s, t), beside = v3_dot(v3_sub(p, out->on), s->side);
+    out->on = v3_add(solid->a, v3_scale(line->axis, t));
+    if (line->flat) {
+        double width = solid_width(solid, t), beside = v3_dot(v3_sub(p, out->on), solid->side);
         out->side_m = beside < -width ? -width : beside > width ? width : beside;
-        out->on = v3_add(out->on, v3_scale(s->side, out->side_m));
+        out->on = v3_add(out->on, v3_scale(solid->side, out->side_m));
     }
     off = v3_sub(p, out->on);
     double deep = v3_dot(off, view), off2 = v3_dot(off, off);
@@ -51,10 +51,10 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
                                             : sqrt(flat2) - radius;
 }
 
-struct vec3 surface_normal(const struct body_solid *s, const struct solid_hit *n, struct vec3 p, struct vec3 view)
+struct vec3 surface_normal(const struct body_solid *solid, const struct solid_hit *hit, struct vec3 p, struct vec3 view)
 {
-    double radius = solid_radius(s, n->t);
-    struct vec3 out = v3_sub(p, n->on);
+    double radius = solid_radius(solid, hit->t);
+    struct vec3 out = v3_sub(p, hit->on);
     double deep = v3_dot(out, view);
     if (deep > 0) {
         struct vec3 flat = v3_sub(out, v3_scale(view, deep));
@@ -65,13 +65,13 @@ struct vec3 surface_normal(const struct body_solid *s, const struct solid_hit *n
     return v3_dot(normal, normal) < 0.5 ? v3_scale(view, -1) : normal;
 }
 
-double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *normal)
+double solid_distance(const struct body_solid *solid, struct vec3 p, struct vec3 *normal)
 {
-    struct solid_line line = make_solid_line(s);
+    struct solid_line line = make_solid_line(solid);
     struct solid_hit hit = {.solid = 0};
-    measure_solid(s, &line, p, v3_unit(p), &hit);
+    measure_solid(solid, &line, p, v3_unit(p), &hit);
     if (normal)
-        *normal = surface_normal(s, &hit, p, v3_unit(p));
+        *normal = surface_normal(solid, &hit, p, v3_unit(p));
     return hit.distance;
 }
 

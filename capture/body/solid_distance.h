@@ -27,7 +27,7 @@ struct solid_bounds {
     struct solid_line line[SOLID_COUNT];
 };
 
-struct solid_line make_solid_line(const struct body_solid *s);
+struct solid_line make_solid_line(const struct body_solid *solid);
 void find_solid_bounds(const struct body_build *build, struct solid_bounds *bounds);
 
 // Replaces *best by solid k where that is nearer to p. view: the unit vector to p.
@@ -39,7 +39,8 @@ struct solid_hit find_nearest_solid(const struct body_build *build, const struct
                                     struct vec3 view, int guess);
 
 // The unit normal out of the visible surface.
-struct vec3 surface_normal(const struct body_solid *s, const struct solid_hit *hit, struct vec3 p, struct vec3 view);
+struct vec3 surface_normal(const struct body_solid *solid, const struct solid_hit *hit, struct vec3 p,
+                           struct vec3 view);
 
 // Signed distance of `p` from one solid's visible surface; its unit normal in *normal unless that is NULL.
 double solid_distance(const struct body_solid *solid, struct vec3 p, struct vec3 *normal);

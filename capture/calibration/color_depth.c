@@ -11,10 +11,10 @@
 static const double PI = 3.14159265358979323846;
 
 // All chosen by hand.
-static const double LEAST_RADIUS_PX = 6; // a smaller disc's edge is most of it
+static const double MIN_RADIUS_PX = 6; // a smaller disc's edge is most of it
 static const double HUBER_PX = 0.5;
-static const double FOREIGN_PX = 2;       // residuals beyond: colour and depth do not show the same board
-static const double MOST_SIGMA_M = 0.003; // a pose less certain than this is of no use
+static const double FOREIGN_PX = 2;      // residuals beyond: colour and depth do not show the same board
+static const double MAX_SIGMA_M = 0.003; // a pose less certain than this is of no use
 enum { ROUNDS = 30 };
 
 struct disc_board disc_board_default(void) { return (struct disc_board){4, 3, 0.04, 0.05}; }
@@ -29,10 +29,10 @@ enum status color_depth_start(struct color_depth *c, const struct calibration *c
     return OK;
 }
 
-void color_depth_free(struct color_depth *c)
+void color_depth_free(struct color_depth *depth)
 {
-    free(c->points);
-    *c = (struct color_depth){.count = 0};
+    free(depth->points);
+    *depth = (struct color_depth){.count = 0};
 }
 
 // ---------------------------------------------------------------- discs in both images
@@ -41,21 +41,21 @@ void color_depth_free(struct color_depth *c)
 static bool in_reading_order(const struct disc_board *board, const struct circle *found, int count, struct circle *out)
 {
     struct pixel along[2] = {{0, 0}, {0, 0}}; // mean steps of the lattice's own column and row
-    int most[2] = {0, 0};
+    int max[2] = {0, 0};
     if (count != board->columns * board->rows)
         return false;
     for (int i = 0; i < count; i++) {
-        most[0] = found[i].column > most[0] ? found[i].column : most[0];
-        most[1] = found[i].row > most[1] ? found[i].row : most[1];
+        max[0] = found[i].column > max[0] ? found[i].column : max[0];
+        max[1] = found[i].row > max[1] ? found[i].row : max[1];
     }
     for (int i = 0; i < count; i++) {
-        const double c = found[i].column - 0.5 * most[0], r = found[i].row - 0.5 * most[1];
+        const double c = found[i].column - 0.5 * max[0], r = found[i].row - 0.5 * max[1];
         along[0].x += c * found[i].at.x, along[0].y += c * found[i].at.y;
         along[1].x += r * found[i].at.x, along[1].y += r * found[i].at.y;
     }
     // The axis that lies more along the image's rows is the columns'; the board is held upright.
     const bool exchanged = fabs(along[0].x) * fabs(along[1].y) < fabs(along[0].y) * fabs(along[1].x);
-    const int columns = most[exchanged] + 1, rows = most[!exchanged] + 1;
+    const int columns = max[exchanged] + 1, rows = max[!exchanged] + 1;
     const double x = along[exchanged].x, y = along[!exchanged].y;
     if (columns != board->columns || rows != board->rows)
         return false;
@@ -77,7 +77,7 @@ static bool in_reading_order(const struct disc_board *board, const struct circle
 struct depth_box {
     int left, top, right, bottom;
 };
-static bool fit_board(const struct lens *l, const uint16_t *depth, struct depth_box box, double plane[3])
+static bool fit_board(const struct lens *lens, const uint16_t *depth, struct depth_box box, double plane[3])
 {
     double scale = 0.15;
     for (int round = 0; round < 12; round++) {
@@ -85,10 +85,10 @@ static bool fit_board(const struct lens *l, const uint16_t *depth, struct depth_
         int count = 0;
         for (int y = box.top; y < box.bottom; y += 2)
             for (int x = box.left; x < box.right; x += 2) {
-                const double z = depth[y * l->width + x] * 1e-3;
+                const double z = depth[y * lens->width + x] * 1e-3;
                 if (z <= 0)
                     continue;
-                const double q[3] = {(x - l->cx) / l->fx, (y - l->cy) / l->fy, 1};
+                const double q[3] = {(x - lens->cx) / lens->fx, (y - lens->cy) / lens->fy, 1};
                 const double off = round ? z - 1 / (plane[0] * q[0] + plane[1] * q[1] + plane[2]) : 0;
                 const double weight = 1 / ((1 + off * off / (scale * scale)) * (1 + off * off / (scale * scale)));
                 count++;
@@ -107,30 +107,30 @@ static bool fit_board(const struct lens *l, const uint16_t *depth, struct depth_
     return true;
 }
 
-static double plane_depth(const double plane[3], const struct lens *l, double x, double y)
+static double plane_depth(const double plane[3], const struct lens *lens, double x, double y)
 {
-    return 1 / (plane[0] * (x - l->cx) / l->fx + plane[1] * (y - l->cy) / l->fy + plane[2]);
+    return 1 / (plane[0] * (x - lens->cx) / lens->fx + plane[1] * (y - lens->cy) / lens->fy + plane[2]);
 }
 
 // A picture of what stands off the board: 0 on the discs, 255 elsewhere.
-static void draw_discs(const struct color_depth *c, const uint16_t *depth, struct depth_box box, const double plane[3],
-                       uint8_t *gray)
+static void draw_discs(const struct color_depth *color_depth, const uint16_t *depth, struct depth_box box,
+                       const double plane[3], uint8_t *gray)
 {
-    const struct lens *l = &c->calibration.depth;
+    const struct lens *l = &color_depth->calibration.depth;
     memset(gray, 255, (size_t)l->width * (size_t)l->height);
     for (int y = box.top; y < box.bottom; y++)
         for (int x = box.left; x < box.right; x++) {
             const double z = depth[y * l->width + x] * 1e-3, off = plane_depth(plane, l, x, y) - z;
-            if (z > 0 && off > 0.5 * c->board.standoff_m && off < 2 * c->board.standoff_m)
+            if (z > 0 && off > 0.5 * color_depth->board.standoff_m && off < 2 * color_depth->board.standoff_m)
                 gray[y * l->width + x] = 0;
         }
 }
 
 // The disc's centre in depth axes: its centroid's ray, at the mean of how far its inner part stands off the board.
-static bool disc_point(const struct color_depth *c, const uint16_t *depth, const double plane[3],
+static bool disc_point(const struct color_depth *color_depth, const uint16_t *depth, const double plane[3],
                        const struct circle *disc, struct vec3 *out)
 {
-    const struct lens *l = &c->calibration.depth;
+    const struct lens *l = &color_depth->calibration.depth;
     const double radius = 0.8 * sqrt(disc->area_px / PI);
     double sum = 0, count = 0;
     for (int y = (int)(disc->at.y - radius); y <= disc->at.y + radius; y++)
@@ -139,7 +139,7 @@ static bool disc_point(const struct color_depth *c, const uint16_t *depth, const
             if (x < 0 || y < 0 || x >= l->width || y >= l->height || dx * dx + dy * dy > radius * radius)
                 continue;
             const double z = depth[y * l->width + x] * 1e-3, board = plane_depth(plane, l, x, y), off = board - z;
-            if (z > 0 && off > 0.5 * c->board.standoff_m && off < 2 * c->board.standoff_m) {
+            if (z > 0 && off > 0.5 * color_depth->board.standoff_m && off < 2 * color_depth->board.standoff_m) {
                 sum += z / board;
                 count++;
             }
@@ -151,9 +151,9 @@ static bool disc_point(const struct color_depth *c, const uint16_t *depth, const
 }
 
 // Where the discs of the colour image should be in the depth image, with a margin of two radii.
-static struct depth_box box_of(const struct color_depth *c, const struct circle *discs, int count)
+static struct depth_box box_of(const struct color_depth *depth, const struct circle *discs, int count)
 {
-    const struct lens *color = &c->calibration.color, *l = &c->calibration.depth;
+    const struct lens *color = &depth->calibration.color, *l = &depth->calibration.depth;
     double left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY, radius = 0;
     for (int i = 0; i < count; i++) {
         const struct pixel px = lens_project(l, lens_ray(color, discs[i].at));
@@ -167,59 +167,60 @@ static struct depth_box box_of(const struct color_depth *c, const struct circle 
     return box;
 }
 
-static enum status keep_points(struct color_depth *c, const struct circle *color, const struct vec3 *points, int count)
+static enum status keep_points(struct color_depth *depth, const struct circle *color, const struct vec3 *points,
+                               int count)
 {
-    if (c->count + count > c->capacity) {
-        const int capacity = 2 * c->capacity + 64 * count;
-        struct color_depth_point *more = realloc(c->points, (size_t)capacity * sizeof *more);
+    if (depth->count + count > depth->capacity) {
+        const int capacity = 2 * depth->capacity + 64 * count;
+        struct color_depth_point *more = realloc(depth->points, (size_t)capacity * sizeof *more);
         if (!more)
             return fail(ERR_MEMORY, "no memory for the calibration's points");
-        c->points = more;
-        c->capacity = capacity;
+        depth->points = more;
+        depth->capacity = capacity;
     }
     for (int i = 0; i < count; i++) {
-        c->points[c->count++] = (struct color_depth_point){points[i], color[i].at};
-        c->nearest_m = fmin(c->nearest_m, points[i].z);
-        c->farthest_m = fmax(c->farthest_m, points[i].z);
+        depth->points[depth->count++] = (struct color_depth_point){points[i], color[i].at};
+        depth->nearest_m = fmin(depth->nearest_m, points[i].z);
+        depth->farthest_m = fmax(depth->farthest_m, points[i].z);
     }
-    c->views++;
+    depth->views++;
     return OK;
 }
 
 struct disc_scratch {
-    struct circle found[STEREO_MOST_CIRCLES], color[STEREO_MOST_CIRCLES], depth[STEREO_MOST_CIRCLES];
-    struct vec3 points[STEREO_MOST_CIRCLES];
+    struct circle found[STEREO_MAX_CIRCLES], color[STEREO_MAX_CIRCLES], depth[STEREO_MAX_CIRCLES];
+    struct vec3 points[STEREO_MAX_CIRCLES];
     uint8_t *gray;
 };
 
-static enum status find_discs(struct color_depth *c, struct disc_scratch *s, const uint8_t *rgb, const uint16_t *depth,
-                              enum color_depth_seen *seen)
+static enum status find_discs(struct color_depth *color_depth, struct disc_scratch *scratch, const uint8_t *rgb,
+                              const uint16_t *depth, enum color_depth_seen *seen)
 {
-    const struct lens *color = &c->calibration.color, *l = &c->calibration.depth;
+    const struct lens *color = &color_depth->calibration.color, *l = &color_depth->calibration.depth;
     int count;
     double plane[3];
-    image_gray(rgb, (size_t)color->width * (size_t)color->height, s->gray);
-    enum status status = stereo_circles_find(s->gray, color->width, color->height, s->found, &count);
+    image_gray(rgb, (size_t)color->width * (size_t)color->height, scratch->gray);
+    enum status status = stereo_circles_find(scratch->gray, color->width, color->height, scratch->found, &count);
     *seen = DISCS_NOT_IN_COLOR;
-    if (status != OK || !in_reading_order(&c->board, s->found, count, s->color))
+    if (status != OK || !in_reading_order(&color_depth->board, scratch->found, count, scratch->color))
         return status;
     *seen = DISCS_TOO_FAR;
     for (int i = 0; i < count; i++)
-        if (s->color[i].area_px < PI * LEAST_RADIUS_PX * LEAST_RADIUS_PX)
+        if (scratch->color[i].area_px < PI * MIN_RADIUS_PX * MIN_RADIUS_PX)
             return OK;
     *seen = DISCS_NOT_IN_DEPTH;
-    const struct depth_box box = box_of(c, s->color, count);
+    const struct depth_box box = box_of(color_depth, scratch->color, count);
     if (!fit_board(l, depth, box, plane))
         return OK;
-    draw_discs(c, depth, box, plane, s->gray);
-    status = stereo_circles_find(s->gray, l->width, l->height, s->found, &count);
-    if (status != OK || !in_reading_order(&c->board, s->found, count, s->depth))
+    draw_discs(color_depth, depth, box, plane, scratch->gray);
+    status = stereo_circles_find(scratch->gray, l->width, l->height, scratch->found, &count);
+    if (status != OK || !in_reading_order(&color_depth->board, scratch->found, count, scratch->depth))
         return status;
     for (int i = 0; i < count; i++)
-        if (!disc_point(c, depth, plane, &s->depth[i], &s->points[i]))
+        if (!disc_point(color_depth, depth, plane, &scratch->depth[i], &scratch->points[i]))
             return OK;
     *seen = DISCS_BOTH;
-    return keep_points(c, s->color, s->points, count);
+    return keep_points(color_depth, scratch->color, scratch->points, count);
 }
 
 enum status color_depth_add(struct color_depth *c, const uint8_t *rgb, const uint16_t *depth,
@@ -249,17 +250,18 @@ enum status color_depth_add(struct color_depth *c, const uint8_t *rgb, const uin
 
 // Normal equations of the reprojection; 6-vector: turn, then shift, on the left of the pose. Returns the sum of squared
 // residuals.
-static double accumulate(const struct color_depth *c, struct pose color_from_depth, double n[36], double g[6])
+static double build_normal_equations(const struct color_depth *depth, struct pose color_from_depth, double n[36],
+                                     double g[6])
 {
-    const struct lens *l = &c->calibration.color;
+    const struct lens *l = &depth->calibration.color;
     double squares = 0;
     memset(n, 0, 36 * sizeof *n);
     memset(g, 0, 6 * sizeof *g);
-    for (int i = 0; i < c->count; i++) {
-        const struct vec3 p = pose_apply(color_from_depth, c->points[i].depth_axes);
+    for (int i = 0; i < depth->count; i++) {
+        const struct vec3 p = pose_apply(color_from_depth, depth->points[i].depth_axes);
         if (p.z < 0.05)
             continue;
-        const struct vec3 ray = lens_ray(l, c->points[i].color);
+        const struct vec3 ray = lens_ray(l, depth->points[i].color);
         const double r[2] = {l->fx * (ray.x - p.x / p.z), l->fy * (ray.y - p.y / p.z)};
         const double length = sqrt(r[0] * r[0] + r[1] * r[1]), weight = length > HUBER_PX ? HUBER_PX / length : 1;
         const double d[2][3] = {{l->fx / p.z, 0, -l->fx * p.x / (p.z * p.z)},
@@ -278,25 +280,25 @@ static double accumulate(const struct color_depth *c, struct pose color_from_dep
     return squares;
 }
 
-static enum status why_so_few(const struct color_depth *c)
+static enum status why_so_few(const struct color_depth *depth)
 {
-    if (c->too_far > c->views)
+    if (depth->too_far > depth->views)
         return fail(
             ERR_INPUT,
             "the board was too far away in %d of %d pictures: its discs are smaller than %.0f pixels; come nearer, "
             "until the board fills half of the picture",
-            c->too_far, c->frames, 2 * LEAST_RADIUS_PX);
-    if (c->no_depth > c->views)
+            depth->too_far, depth->frames, 2 * MIN_RADIUS_PX);
+    if (depth->no_depth > depth->views)
         return fail(
             ERR_INPUT,
             "%d of %d pictures show the discs in colour but not in depth: colour and depth do not belong together, "
             "or the discs do not stand %.0f mm off the board",
-            c->no_depth, c->frames, c->board.standoff_m * 1e3);
+            depth->no_depth, depth->frames, depth->board.standoff_m * 1e3);
     return fail(
         ERR_INPUT,
         "only %d of %d pictures show the whole board of %d by %d discs in colour and depth; %d are needed, from "
         "different sides and distances",
-        c->views, c->frames, c->board.columns, c->board.rows, COLOR_DEPTH_LEAST_VIEWS);
+        depth->views, depth->frames, depth->board.columns, depth->board.rows, COLOR_DEPTH_MIN_VIEWS);
 }
 
 enum status color_depth_solve(const struct color_depth *c, struct pose *color_from_depth,
@@ -304,12 +306,12 @@ enum status color_depth_solve(const struct color_depth *c, struct pose *color_fr
 {
     double n[36], g[6], covariance[36], squares = 0, depth_sum = 0;
     *report = (struct color_depth_report){.views = c->views, .points = c->count};
-    if (c->views < COLOR_DEPTH_LEAST_VIEWS)
+    if (c->views < COLOR_DEPTH_MIN_VIEWS)
         return why_so_few(c);
     const struct pose start = c->calibration.registered ? POSE_IDENTITY : c->calibration.color_from_depth;
     struct pose pose = start;
     for (int round = 0; round < ROUNDS; round++) {
-        accumulate(c, pose, n, g);
+        build_normal_equations(c, pose, n, g);
         if (!cholesky_factor(n, 6))
             return fail(ERR_SOLVER,
                         "the views do not fix the pose between colour and depth; show the board tilted, from "
@@ -318,7 +320,7 @@ enum status color_depth_solve(const struct color_depth *c, struct pose *color_fr
         const struct pose step = {quat_from_rotation_vector(v3(g[0], g[1], g[2])), v3(g[3], g[4], g[5])};
         pose = pose_multiply(step, pose);
     }
-    squares = accumulate(c, pose, n, g);
+    squares = build_normal_equations(c, pose, n, g);
     for (int i = 0; i < c->count; i++)
         depth_sum += c->points[i].depth_axes.z;
     report->rms_px = sqrt(squares / c->count);
@@ -339,7 +341,7 @@ enum status color_depth_solve(const struct color_depth *c, struct pose *color_fr
         report->sigma_deg = fmax(report->sigma_deg, sqrt(variance * covariance[7 * k]) * 180 / PI);
         report->sigma_mm = fmax(report->sigma_mm, sqrt(variance * covariance[7 * (k + 3)]) * 1e3);
     }
-    if (report->sigma_mm > MOST_SIGMA_M * 1e3)
+    if (report->sigma_mm > MAX_SIGMA_M * 1e3)
         return fail(ERR_INPUT,
                     "the pose between colour and depth is certain to %.1f mm only; show the board from %.1f m and from "
                     "twice as far, tilted, in the picture's corners too",

@@ -35,7 +35,7 @@ enum color_depth_seen { DISCS_BOTH, DISCS_NOT_IN_COLOR, DISCS_NOT_IN_DEPTH, DISC
 // ERR_INPUT: a lens is missing. Copies.
 MUST_CHECK enum status color_depth_start(struct color_depth *c, const struct calibration *calibration,
                                          const struct disc_board *board);
-void color_depth_free(struct color_depth *c);
+void color_depth_free(struct color_depth *depth);
 
 // One frame: RGB and millimetres. ERR_MEMORY.
 MUST_CHECK enum status color_depth_add(struct color_depth *c, const uint8_t *rgb, const uint16_t *depth,
@@ -47,7 +47,7 @@ struct color_depth_report {
     double sigma_mm, sigma_deg; // of the pose, by its covariance: the largest of its three axes
     double shift_mm, turn_deg;  // from where the search started
 };
-enum { COLOR_DEPTH_LEAST_VIEWS = 6 };
+enum { COLOR_DEPTH_MIN_VIEWS = 6 };
 
 // ERR_INPUT with the reason: too few views, the board too far away, colour and depth that do not belong together, views
 // that do not fix the pose. ERR_SOLVER. *color_from_depth is written on OK only.

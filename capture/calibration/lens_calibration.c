@@ -10,36 +10,36 @@
 // ---------------------------------------------------------------- readout
 
 // All chosen by hand.
-static const double LEAST_SPEED_PX = 200; // a second: a shear of a pixel for a tag of 100 rows read in 20 ms
-static const double MOST_SIGMA_S = 0.003, MOST_RMS_PX = 1.5, MOST_GAP_S = 0.12;
+static const double MIN_SPEED_PX = 200; // a second: a shear of a pixel for a tag of 100 rows read in 20 ms
+static const double MAX_SIGMA_S = 0.003, MAX_RMS_PX = 1.5, MAX_GAP_S = 0.12;
 enum { UNKNOWNS = 5 }; // constant, along x, along y, their product, readout
 
-void readout_add(struct readout *r, double time_s, int32_t id, const struct pixel corner[4])
+void readout_add(struct readout *readout, double time_s, int32_t id, const struct pixel corner[4])
 {
-    if (r->count == READOUT_MOST_FRAMES || (r->count && r->frames[0].id != id))
+    if (readout->count == READOUT_MAX_FRAMES || (readout->count && readout->frames[0].id != id))
         return;
-    struct readout_frame *f = &r->frames[r->count++];
+    struct readout_frame *f = &readout->frames[readout->count++];
     f->time_s = time_s;
     f->id = id;
     for (int k = 0; k < 4; k++) {
-        const struct vec3 ray = lens_ray(&r->lens, corner[k]);
-        f->corner[k] = (struct pixel){r->lens.fx * ray.x, r->lens.fy * ray.y};
+        const struct vec3 ray = lens_ray(&readout->lens, corner[k]);
+        f->corner[k] = (struct pixel){readout->lens.fx * ray.x, readout->lens.fy * ray.y};
     }
 }
 
-static struct pixel middle_of(const struct readout_frame *f)
+static struct pixel middle_of(const struct readout_frame *frame)
 {
     struct pixel m = {0, 0};
     for (int k = 0; k < 4; k++)
-        m.x += f->corner[k].x / 4, m.y += f->corner[k].y / 4;
+        m.x += frame->corner[k].x / 4, m.y += frame->corner[k].y / 4;
     return m;
 }
 
 // The displacement of the top edge against the bottom one, and the row of unknowns' factors. False: at a gap.
-static bool equation(const struct readout *r, int i, double row[UNKNOWNS], double *shear, double *speed)
+static bool build_equation(const struct readout *readout, int i, double row[UNKNOWNS], double *shear, double *speed)
 {
-    const struct readout_frame *f = &r->frames[i];
-    if (i == 0 || i + 1 == r->count || r->frames[i + 1].time_s - r->frames[i - 1].time_s > MOST_GAP_S)
+    const struct readout_frame *f = &readout->frames[i];
+    if (i == 0 || i + 1 == readout->count || readout->frames[i + 1].time_s - readout->frames[i - 1].time_s > MAX_GAP_S)
         return false;
     const struct pixel m = middle_of(f), before = middle_of(f - 1), after = middle_of(f + 1);
     const double passed_s = (f + 1)->time_s - (f - 1)->time_s;
@@ -48,7 +48,7 @@ static bool equation(const struct readout *r, int i, double row[UNKNOWNS], doubl
     *speed = (after.x - before.x) / passed_s;
     const double height = 0.5 * (f->corner[3].y + f->corner[2].y - f->corner[0].y - f->corner[1].y);
     *shear = 0.5 * (f->corner[3].x + f->corner[2].x - f->corner[0].x - f->corner[1].x);
-    const double x = m.x / r->lens.fx, y = m.y / r->lens.fy, rows = height / (r->lens.height - 1);
+    const double x = m.x / readout->lens.fx, y = m.y / readout->lens.fy, rows = height / (readout->lens.height - 1);
     const double factors[UNKNOWNS] = {1, x, y, x * y, *speed * rows};
     memcpy(row, factors, sizeof factors);
     return true;
@@ -57,15 +57,15 @@ static bool equation(const struct readout *r, int i, double row[UNKNOWNS], doubl
 enum status readout_solve(const struct readout *r, double *readout_s, struct readout_report *report)
 {
     double n[UNKNOWNS * UNKNOWNS] = {0}, copy[UNKNOWNS * UNKNOWNS], g[UNKNOWNS] = {0}, row[UNKNOWNS], shear, speed;
-    double to_left = 0, to_right = 0, squares = 0, most = 0;
+    double to_left = 0, to_right = 0, squares = 0, max = 0;
     *report = (struct readout_report){.frames = 0};
     for (int i = 0; i < r->count; i++) {
-        if (!equation(r, i, row, &shear, &speed))
+        if (!build_equation(r, i, row, &shear, &speed))
             continue;
         report->frames++;
         to_left = fmax(to_left, -speed);
         to_right = fmax(to_right, speed);
-        most = fmax(most, fabs(row[4]));
+        max = fmax(max, fabs(row[4]));
         for (int a = 0; a < UNKNOWNS; a++) {
             g[a] += row[a] * shear;
             for (int b = 0; b < UNKNOWNS; b++)
@@ -73,12 +73,12 @@ enum status readout_solve(const struct readout *r, double *readout_s, struct rea
         }
     }
     report->fastest_px_per_s = fmax(to_left, to_right);
-    if (report->frames < READOUT_LEAST_FRAMES)
+    if (report->frames < READOUT_MIN_FRAMES)
         return fail(ERR_INPUT,
                     "the tag is in %d pictures one after the other; %d are needed: keep it in sight while the "
                     "camera is swung left and right",
-                    report->frames, READOUT_LEAST_FRAMES);
-    if (fmin(to_left, to_right) < LEAST_SPEED_PX)
+                    report->frames, READOUT_MIN_FRAMES);
+    if (fmin(to_left, to_right) < MIN_SPEED_PX)
         return fail(ERR_INPUT,
                     "the camera was swung at %.0f pixels a second to the left and %.0f to the right; swing it "
                     "faster, a turn of the wrist each way every second",
@@ -95,7 +95,7 @@ enum status readout_solve(const struct readout *r, double *readout_s, struct rea
         for (int b = 0; b < UNKNOWNS; b++)
             solution[a] += inverse[UNKNOWNS * a + b] * g[b];
     for (int i = 0; i < r->count; i++) {
-        if (!equation(r, i, row, &shear, &speed))
+        if (!build_equation(r, i, row, &shear, &speed))
             continue;
         double off = shear;
         for (int a = 0; a < UNKNOWNS; a++)
@@ -104,8 +104,8 @@ enum status readout_solve(const struct readout *r, double *readout_s, struct rea
     }
     report->rms_px = sqrt(squares / report->frames);
     report->sigma_s = report->rms_px * sqrt(inverse[UNKNOWNS * UNKNOWNS - 1]);
-    report->bend_px = most * fabs(solution[4]);
-    if (report->rms_px > MOST_RMS_PX || report->sigma_s > MOST_SIGMA_S)
+    report->bend_px = max * fabs(solution[4]);
+    if (report->rms_px > MAX_RMS_PX || report->sigma_s > MAX_SIGMA_S)
         return fail(ERR_INPUT,
                     "the tag's shear fits a rolling shutter to %.1f pixels only; turn the camera without rolling "
                     "it, before a tag that hangs flat",
@@ -120,25 +120,26 @@ enum status readout_solve(const struct readout *r, double *readout_s, struct rea
 // ---------------------------------------------------------------- lens calibration
 
 // All chosen by hand.
-enum { LEAST_CIRCLES = 16 };
+enum { MIN_CIRCLES = 16 };
 static const double NEW_VIEW_SHARE = 1.0 / 30; // of the picture's width, that the board's middle or corners moved
 
-void lens_calibration_start(struct lens_calibration *c, const struct stereo_board *board, int width, int height)
+void lens_calibration_start(struct lens_calibration *calibration, const struct stereo_board *board, int width,
+                            int height)
 {
-    *c = (struct lens_calibration){.board = *board, .width = width, .height = height};
+    *calibration = (struct lens_calibration){.board = *board, .width = width, .height = height};
 }
 
-void lens_calibration_free(struct lens_calibration *c)
+void lens_calibration_free(struct lens_calibration *calibration)
 {
-    free(c->circles);
-    *c = (struct lens_calibration){.views = 0};
+    free(calibration->circles);
+    *calibration = (struct lens_calibration){.views = 0};
 }
 
 // How far the circles' outermost ones are from those of the last view, pixels.
-static double moved_px(const struct lens_calibration *c, const struct circle *found, int count)
+static double moved_px(const struct lens_calibration *calibration, const struct circle *found, int count)
 {
-    const struct circle *last = c->circles + c->first[c->views - 1];
-    const int last_count = c->first[c->views] - c->first[c->views - 1];
+    const struct circle *last = calibration->circles + calibration->first[calibration->views - 1];
+    const int last_count = calibration->first[calibration->views] - calibration->first[calibration->views - 1];
     double sum[2][5] = {{0}};
     for (int which = 0; which < 2; which++) {
         const struct circle *at = which ? found : last;
@@ -151,21 +152,23 @@ static double moved_px(const struct lens_calibration *c, const struct circle *fo
         const double box[4] = {left, right, top, bottom};
         memcpy(sum[which], box, sizeof box);
     }
-    double most = 0;
+    double max = 0;
     for (int k = 0; k < 4; k++)
-        most = fmax(most, fabs(sum[0][k] - sum[1][k]));
-    return most;
+        max = fmax(max, fabs(sum[0][k] - sum[1][k]));
+    return max;
 }
 
 // Circles of a part of the board, or all corners of the chequers. *count 0: it is not in sight.
-static enum status find_board(const struct lens_calibration *c, const uint8_t *gray, struct circle *found, int *count)
+static enum status find_board(const struct lens_calibration *calibration, const uint8_t *gray, struct circle *found,
+                              int *count)
 {
-    const struct stereo_board *b = &c->board;
-    if (!c->chequers)
-        return stereo_circles_find(gray, c->width, c->height, found, count);
+    const struct stereo_board *b = &calibration->board;
+    if (!calibration->chequers)
+        return stereo_circles_find(gray, calibration->width, calibration->height, found, count);
     struct pixel *corners = malloc((size_t)b->columns * (size_t)b->rows * sizeof *corners);
-    enum status status = corners ? chequers_find(gray, c->width, c->height, b->columns, b->rows, corners)
-                                 : fail(ERR_MEMORY, "no memory to look for the board");
+    enum status status =
+        corners ? chequers_find(gray, calibration->width, calibration->height, b->columns, b->rows, corners)
+                : fail(ERR_MEMORY, "no memory to look for the board");
     *count = status == OK ? b->columns * b->rows : 0;
     for (int i = 0; i < *count; i++)
         found[i] = (struct circle){.at = corners[i], .column = i % b->columns, .row = i / b->columns};
@@ -176,7 +179,7 @@ static enum status find_board(const struct lens_calibration *c, const uint8_t *g
 enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb, bool *used)
 {
     const size_t pixels = (size_t)c->width * (size_t)c->height;
-    struct circle *found = malloc(STEREO_MOST_CIRCLES * sizeof *found);
+    struct circle *found = malloc(STEREO_MAX_CIRCLES * sizeof *found);
     uint8_t *gray = malloc(pixels);
     int count = 0;
     enum status status = found && gray ? OK : fail(ERR_MEMORY, "no memory to look for the board");
@@ -186,7 +189,7 @@ enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb,
         status = find_board(c, gray, found, &count);
     }
     c->frames++;
-    if (status == OK && count >= LEAST_CIRCLES && c->views < LENS_MOST_VIEWS &&
+    if (status == OK && count >= MIN_CIRCLES && c->views < LENS_MAX_VIEWS &&
         (!c->views || moved_px(c, found, count) > NEW_VIEW_SHARE * c->width)) {
         const int before = c->first[c->views];
         struct circle *more = realloc(c->circles, (size_t)(before + count) * sizeof *more);
@@ -205,15 +208,15 @@ enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb,
 
 enum status lens_calibration_solve(const struct lens_calibration *c, struct lens *lens, struct lens_report *report)
 {
-    struct stereo_view views[LENS_MOST_VIEWS];
+    struct stereo_view views[LENS_MAX_VIEWS];
     struct stereo_fit fit;
     struct lens found;
     *report = (struct lens_report){.views = c->views, .circles = c->first[c->views]};
-    if (c->views < LENS_LEAST_VIEWS)
+    if (c->views < LENS_MIN_VIEWS)
         return fail(ERR_INPUT,
                     "the board is in %d different pictures of %d; at least %d are needed, with the board tilted to all "
                     "sides and in all corners of the picture",
-                    c->views, c->frames, LENS_LEAST_VIEWS);
+                    c->views, c->frames, LENS_MIN_VIEWS);
     for (int i = 0; i < c->views; i++) {
         const struct circle *at = c->circles + c->first[i];
         const int count = c->first[i + 1] - c->first[i];

@@ -15,7 +15,7 @@
 // other by speed * readout_s * (height / (H - 1)). Perspective displaces them too, by what depends on where the tag is
 // and not on how fast it moves; it is estimated along. Pure.
 
-enum { READOUT_MOST_FRAMES = 600, READOUT_LEAST_FRAMES = 30 };
+enum { READOUT_MAX_FRAMES = 600, READOUT_MIN_FRAMES = 30 };
 
 struct readout_frame {
     double time_s;
@@ -26,12 +26,12 @@ struct readout_frame {
 
 struct readout {
     struct lens lens;
-    struct readout_frame frames[READOUT_MOST_FRAMES];
+    struct readout_frame frames[READOUT_MAX_FRAMES];
     int count;
 };
 
 // A frame with a tag, corners in pixels of the image; of several tags give the largest, always the same one.
-void readout_add(struct readout *r, double time_s, int32_t id, const struct pixel corner[4]);
+void readout_add(struct readout *readout, double time_s, int32_t id, const struct pixel corner[4]);
 
 struct readout_report {
     int frames;
@@ -45,20 +45,21 @@ MUST_CHECK enum status readout_solve(const struct readout *r, double *readout_s,
 
 // ---------------------------------------------------------------- lens calibration
 
-enum { LENS_LEAST_VIEWS = 6, LENS_MOST_VIEWS = 40 };
+enum { LENS_MIN_VIEWS = 6, LENS_MAX_VIEWS = 40 };
 
 struct lens_calibration {
     struct stereo_board board; // of chequers: its inner corners
     bool chequers;
     int width, height;
     struct circle *circles; // of all views, one after the other; corners are circles without an area
-    int first[LENS_MOST_VIEWS + 1];
+    int first[LENS_MAX_VIEWS + 1];
     int views, frames;
 };
 
 // Of circles; set `chequers` afterwards for a board of these.
-void lens_calibration_start(struct lens_calibration *c, const struct stereo_board *board, int width, int height);
-void lens_calibration_free(struct lens_calibration *c);
+void lens_calibration_start(struct lens_calibration *calibration, const struct stereo_board *board, int width,
+                            int height);
+void lens_calibration_free(struct lens_calibration *calibration);
 
 // One picture, RGB. *used: it shows the board, and differs from the last one used by a thirtieth of the picture's
 // width. ERR_MEMORY, ERR_SOLVER.

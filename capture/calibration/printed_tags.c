@@ -135,10 +135,10 @@ int printed_tags_pages(const struct printed_tags *wanted)
 }
 
 // Short lines outwards from the corners of a box: where to cut.
-static void cutting_marks(struct page *page, double x, double y, double w, double h)
+static void cutting_marks(struct page *page, double x, double y, double width, double height)
 {
     for (int k = 0; k < 4; k++) {
-        const double cx = k % 2 ? x + w : x, cy = k / 2 ? y + h : y, sx = k % 2 ? 1 : -1, sy = k / 2 ? 1 : -1;
+        const double cx = k % 2 ? x + width : x, cy = k / 2 ? y + height : y, sx = k % 2 ? 1 : -1, sy = k / 2 ? 1 : -1;
         const double corner[2] = {cx, cy}, across[2] = {cx + sx * GUTTER_MM * 0.45, cy},
                      along[2] = {cx, cy + sy * GUTTER_MM * 0.45};
         page_line(page, corner, across, HAIRLINE_MM, 0.4);
@@ -184,30 +184,31 @@ static void printed_ruler(struct page *page, struct paper_size size)
     page_text(page, x + 104, y + 2.6, 3, "100 % (\"actual size\", no \"fit to page\").");
 }
 
-static void draw_whole(const struct printed_tags *wanted, const struct tag_layout *l, struct page *page)
+static void draw_whole(const struct printed_tags *wanted, const struct tag_layout *layout, struct page *page)
 {
-    const int on_page = l->columns * l->rows;
+    const int on_page = layout->columns * layout->rows;
     for (int i = 0; i < wanted->count; i++) {
         const int at = i % on_page;
         if (i && !at)
             page_next(page);
         if (!at)
             printed_ruler(page, paper_size(wanted->paper));
-        const double x = PRINT_MARGIN_MM + (at % l->columns) * (l->tile_w + GUTTER_MM),
-                     y = PRINT_MARGIN_MM + at / l->columns * (l->tile_h + GUTTER_MM);
+        const double x = PRINT_MARGIN_MM + (at % layout->columns) * (layout->tile_w + GUTTER_MM),
+                     y = PRINT_MARGIN_MM + at / layout->columns * (layout->tile_h + GUTTER_MM);
         draw_tag(page, wanted, wanted->ids[i], x, y);
-        cutting_marks(page, x, y, l->tile_w, l->tile_h);
+        cutting_marks(page, x, y, layout->tile_w, layout->tile_h);
     }
 }
 
 // One tag over several pages: each shows a part of it, cut out where the marks are, and the parts meet edge to edge.
-static void draw_parts(const struct printed_tags *wanted, const struct tag_layout *l, int32_t id, struct page *page)
+static void draw_parts(const struct printed_tags *wanted, const struct tag_layout *layout, int32_t id,
+                       struct page *page)
 {
-    const double part_w = l->tile_w / l->part_columns, part_h = l->tile_h / l->part_rows;
+    const double part_w = layout->tile_w / layout->part_columns, part_h = layout->tile_h / layout->part_rows;
     const double x = PRINT_MARGIN_MM + MARK_MM, y = PRINT_MARGIN_MM + MARK_MM;
-    const int parts = l->part_columns * l->part_rows;
+    const int parts = layout->part_columns * layout->part_rows;
     for (int k = 0; k < parts; k++) {
-        const int column = k % l->part_columns, row = k / l->part_columns;
+        const int column = k % layout->part_columns, row = k / layout->part_columns;
         char text[80];
         if (k)
             page_next(page);
@@ -216,13 +217,13 @@ static void draw_parts(const struct printed_tags *wanted, const struct tag_layou
         draw_tag(page, wanted, id, x - column * part_w, y - row * part_h);
         page_unclip(page);
         cutting_marks(page, x, y, part_w, part_h);
-        snprintf(text, sizeof text, "tag %d: row %d of %d, column %d of %d", (int)id, row + 1, l->part_rows, column + 1,
-                 l->part_columns);
+        snprintf(text, sizeof text, "tag %d: row %d of %d, column %d of %d", (int)id, row + 1, layout->part_rows,
+                 column + 1, layout->part_columns);
         page_text(page, x, y + part_h + MARK_MM + 3, 3, text);
     }
 }
 
-static enum status check(const struct printed_tags *wanted)
+static enum status check_wanted(const struct printed_tags *wanted)
 {
     if (!(wanted->side_m >= PRINTED_SIDE_MIN_M && wanted->side_m <= PRINTED_SIDE_MAX_M))
         return fail(ERR_INPUT, "a tag's side must lie between %g and %g mm, not %g", PRINTED_SIDE_MIN_M * 1e3,
@@ -242,7 +243,7 @@ static enum status check(const struct printed_tags *wanted)
 
 enum status printed_tags_draw(const struct printed_tags *wanted, struct page *page)
 {
-    enum status status = check(wanted);
+    enum status status = check_wanted(wanted);
     if (status != OK)
         return status;
     const struct tag_layout l = layout_of(wanted);

@@ -2,8 +2,8 @@
 // that shows whether the printer kept the scale. A tag that is larger than the page is spread over several, to be glued
 // edge to edge.
 #pragma once
-#include "platform/files/page.h"
 #include "capture/calibration/stereo_calibration.h"
+#include "platform/files/page.h"
 
 enum paper { PAPER_A4, PAPER_LETTER };
 extern const char *const paper_names[2];

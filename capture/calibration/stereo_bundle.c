@@ -5,20 +5,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LOCAL = BUNDLE_LENS + 2 * BUNDLE_POSE, MOST_STEPS = 60 };
-#define HUBER_PX      0.3
-#define LEAST_DEPTH_M 1e-3 // before the camera
+enum { LOCAL = BUNDLE_LENS + 2 * BUNDLE_POSE, MAX_STEPS = 60 };
+#define HUBER_PX    0.3
+#define MIN_DEPTH_M 1e-3 // before the camera
 
-static struct pose moved(struct pose p, const double d[BUNDLE_POSE])
+static struct pose moved_pose(struct pose pose, const double d[BUNDLE_POSE])
 {
-    p.rotation = quat_unit(quat_multiply(quat_from_rotation_vector(v3(d[0], d[1], d[2])), p.rotation));
-    p.translation = v3_add(p.translation, v3(d[3], d[4], d[5]));
-    return p;
+    pose.rotation = quat_unit(quat_multiply(quat_from_rotation_vector(v3(d[0], d[1], d[2])), pose.rotation));
+    pose.translation = v3_add(pose.translation, v3(d[3], d[4], d[5]));
+    return pose;
 }
 
-static double *lens_numbers(struct lens *l, int i)
+static double *lens_numbers(struct lens *lens, int i)
 {
-    double *const at[BUNDLE_LENS] = {&l->fx, &l->fy, &l->cx, &l->cy, &l->k1, &l->k2, &l->p1, &l->p2};
+    double *const at[BUNDLE_LENS] = {&lens->fx, &lens->fy, &lens->cx, &lens->cy,
+                                     &lens->k1, &lens->k2, &lens->p1, &lens->p2};
     return at[i];
 }
 
@@ -44,33 +45,33 @@ static struct board_axes axes_of(struct quat a_from_board)
     return (struct board_axes){quat_rotate(a_from_board, v3(1, 0, 0)), quat_rotate(a_from_board, v3(0, 1, 0))};
 }
 
-static struct vec3 point_of_disc(const struct stereo_bundle *b, const struct disc_sighting *s,
+static struct vec3 point_of_disc(const struct stereo_bundle *bundle, const struct disc_sighting *sighting,
                                  const struct board_axes *axes, int i)
 {
-    return v3_add(v3_scale(axes->x, s->x_m + b->radius_m * disc_point[i][0]),
-                  v3_scale(axes->y, s->y_m + b->radius_m * disc_point[i][1]));
+    return v3_add(v3_scale(axes->x, sighting->x_m + bundle->radius_m * disc_point[i][0]),
+                  v3_scale(axes->y, sighting->y_m + bundle->radius_m * disc_point[i][1]));
 }
 
 // lens_project's distortion, whose sixth-degree term is not estimated here and 0; inlined, for it is done most of all.
-static inline struct pixel distorted(const struct lens *l, double x, double y)
+static inline struct pixel distort_point(const struct lens *lens, double x, double y)
 {
-    const double r2 = x * x + y * y, radial = 1 + r2 * (l->k1 + r2 * l->k2);
-    return (struct pixel){x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x),
-                          y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y};
+    const double r2 = x * x + y * y, radial = 1 + r2 * (lens->k1 + r2 * lens->k2);
+    return (struct pixel){x * radial + 2 * lens->p1 * x * y + lens->p2 * (r2 + 2 * x * x),
+                          y * radial + lens->p1 * (r2 + 2 * y * y) + 2 * lens->p2 * x * y};
 }
 
-static bool predict(const struct stereo_bundle *b, const struct disc_sighting *s, const struct pose *camera_from_board,
-                    struct pixel *out)
+static bool predict_disc(const struct stereo_bundle *bundle, const struct disc_sighting *sighting,
+                         const struct pose *camera_from_board, struct pixel *out)
 {
-    const struct lens *l = &b->lens[s->camera];
+    const struct lens *l = &bundle->lens[sighting->camera];
     const struct board_axes axes = axes_of(camera_from_board->rotation);
     double sum = 0;
     struct pixel at = {0, 0};
     for (int i = 0; i < DISC_POINTS; i++) {
-        const struct vec3 p = v3_add(point_of_disc(b, s, &axes, i), camera_from_board->translation);
-        if (!(p.z > LEAST_DEPTH_M))
+        const struct vec3 p = v3_add(point_of_disc(bundle, sighting, &axes, i), camera_from_board->translation);
+        if (!(p.z > MIN_DEPTH_M))
             return false;
-        const struct pixel px = distorted(l, p.x / p.z, p.y / p.z);
+        const struct pixel px = distort_point(l, p.x / p.z, p.y / p.z);
         const double weight = disc_point[i][2] / (p.z * p.z * p.z); // area in the image for area on a plane
         sum += weight;
         at.x += weight * px.x;
@@ -80,10 +81,11 @@ static bool predict(const struct stereo_bundle *b, const struct disc_sighting *s
     return true;
 }
 
-bool stereo_predict(const struct stereo_bundle *b, const struct disc_sighting *s, struct pixel *out)
+bool stereo_predict(const struct stereo_bundle *bundle, const struct disc_sighting *sighting, struct pixel *out)
 {
-    const struct pose p = pose_multiply(b->camera_from_left[s->camera], b->left_from_board[s->board]);
-    return predict(b, s, &p, out);
+    const struct pose p =
+        pose_multiply(bundle->camera_from_left[sighting->camera], bundle->left_from_board[sighting->board]);
+    return predict_disc(bundle, sighting, &p, out);
 }
 
 // The pixel of a point, and its derivatives by the lens (row, column) and by the point.
@@ -93,21 +95,21 @@ struct projection {
     struct vec3 by_point[2];
 };
 
-static void project(const struct lens *l, struct vec3 p, struct projection *out)
+static void project_with_jacobian(const struct lens *lens, struct vec3 p, struct projection *out)
 {
     const double x = p.x / p.z, y = p.y / p.z, r2 = x * x + y * y;
-    const double radial = 1 + r2 * (l->k1 + r2 * l->k2), slope = 2 * (l->k1 + 2 * r2 * l->k2);
-    const struct pixel d = distorted(l, x, y);
-    const double xx = radial + slope * x * x + 2 * l->p1 * y + 6 * l->p2 * x; // d d.x / d x
-    const double xy = slope * x * y + 2 * l->p1 * x + 2 * l->p2 * y;          // d d.x / d y = d d.y / d x
-    const double yy = radial + slope * y * y + 6 * l->p1 * y + 2 * l->p2 * x; // d d.y / d y
+    const double radial = 1 + r2 * (lens->k1 + r2 * lens->k2), slope = 2 * (lens->k1 + 2 * r2 * lens->k2);
+    const struct pixel d = distort_point(lens, x, y);
+    const double xx = radial + slope * x * x + 2 * lens->p1 * y + 6 * lens->p2 * x; // d d.x / d x
+    const double xy = slope * x * y + 2 * lens->p1 * x + 2 * lens->p2 * y;          // d d.x / d y = d d.y / d x
+    const double yy = radial + slope * y * y + 6 * lens->p1 * y + 2 * lens->p2 * x; // d d.y / d y
     const double rows[2][BUNDLE_LENS] = {
-        {d.x, 0, 1, 0, l->fx * x * r2, l->fx * x * r2 * r2, l->fx * 2 * x * y, l->fx * (r2 + 2 * x * x)},
-        {0, d.y, 0, 1, l->fy * y * r2, l->fy * y * r2 * r2, l->fy * (r2 + 2 * y * y), l->fy * 2 * x * y}};
+        {d.x, 0, 1, 0, lens->fx * x * r2, lens->fx * x * r2 * r2, lens->fx * 2 * x * y, lens->fx * (r2 + 2 * x * x)},
+        {0, d.y, 0, 1, lens->fy * y * r2, lens->fy * y * r2 * r2, lens->fy * (r2 + 2 * y * y), lens->fy * 2 * x * y}};
     memcpy(out->by_lens, rows, sizeof rows);
-    out->at = (struct pixel){l->fx * d.x + l->cx, l->fy * d.y + l->cy};
-    out->by_point[0] = v3_scale(v3(xx, xy, -xx * x - xy * y), l->fx / p.z);
-    out->by_point[1] = v3_scale(v3(xy, yy, -xy * x - yy * y), l->fy / p.z);
+    out->at = (struct pixel){lens->fx * d.x + lens->cx, lens->fy * d.y + lens->cy};
+    out->by_point[0] = v3_scale(v3(xx, xy, -xx * x - xy * y), lens->fx / p.z);
+    out->by_point[1] = v3_scale(v3(xy, yy, -xy * x - yy * y), lens->fy / p.z);
 }
 
 // Adds how a number moves with each of a pose's unknowns, which turn about the frame's origin and shift, where `by` is
@@ -125,22 +127,23 @@ static void add_pose_slopes(struct vec3 turned, struct vec3 by, double out[BUNDL
 
 // As stereo_predict, with the derivatives by the local unknowns: the camera's lens, the pose between the cameras, the
 // board's pose (as `moved` moves them).
-static bool predict_with_slopes(const struct stereo_bundle *b, const struct disc_sighting *s, struct pixel *out,
-                                double slope[LOCAL][2])
+static bool predict_with_slopes(const struct stereo_bundle *bundle, const struct disc_sighting *sighting,
+                                struct pixel *out, double slope[LOCAL][2])
 {
-    const struct pose camera = b->camera_from_left[s->camera], board = b->left_from_board[s->board];
+    const struct pose camera = bundle->camera_from_left[sighting->camera],
+                      board = bundle->left_from_board[sighting->board];
     const struct quat left_from_camera = quat_conjugate(camera.rotation);
     const struct board_axes axes = axes_of(board.rotation);
     double sum = 0, slopes[3][LOCAL] = {{0}}; // of at.x, at.y and sum
     struct pixel at = {0, 0};
     for (int i = 0; i < DISC_POINTS; i++) {
-        const struct vec3 on_board = point_of_disc(b, s, &axes, i);
+        const struct vec3 on_board = point_of_disc(bundle, sighting, &axes, i);
         const struct vec3 turned = quat_rotate(camera.rotation, v3_add(on_board, board.translation));
         const struct vec3 p = v3_add(turned, camera.translation);
-        if (!(p.z > LEAST_DEPTH_M))
+        if (!(p.z > MIN_DEPTH_M))
             return false;
         struct projection seen;
-        project(&b->lens[s->camera], p, &seen);
+        project_with_jacobian(&bundle->lens[sighting->camera], p, &seen);
         const double weight = disc_point[i][2] / (p.z * p.z * p.z), weight_by_z = -3 * weight / p.z;
         sum += weight;
         at.x += weight * seen.at.x;
@@ -167,31 +170,31 @@ static bool predict_with_slopes(const struct stereo_bundle *b, const struct disc
 }
 
 // The column of a local unknown among all; -1: it is fixed.
-static int column_of(const struct disc_sighting *s, int unknown)
+static int column_of(const struct disc_sighting *sighting, int unknown)
 {
     if (unknown < BUNDLE_LENS)
-        return s->camera * BUNDLE_LENS + unknown;
+        return sighting->camera * BUNDLE_LENS + unknown;
     if (unknown < BUNDLE_LENS + BUNDLE_POSE)
-        return s->camera ? 2 * BUNDLE_LENS + unknown - BUNDLE_LENS : -1;
-    return BUNDLE_SHARED + s->board * BUNDLE_POSE + unknown - BUNDLE_LENS - BUNDLE_POSE;
+        return sighting->camera ? 2 * BUNDLE_LENS + unknown - BUNDLE_LENS : -1;
+    return BUNDLE_SHARED + sighting->board * BUNDLE_POSE + unknown - BUNDLE_LENS - BUNDLE_POSE;
 }
 
-static double huber(double distance)
+static double huber_loss(double distance)
 {
     return distance <= HUBER_PX ? distance * distance : HUBER_PX * (2 * distance - HUBER_PX);
 }
 
-double stereo_bundle_cost(const struct stereo_bundle *b)
+double stereo_bundle_cost(const struct stereo_bundle *bundle)
 {
     double sum = 0;
-    for (int i = 0; i < b->count; i++) {
+    for (int i = 0; i < bundle->count; i++) {
         struct pixel at;
-        if (b->seen[i].outlier)
+        if (bundle->seen[i].outlier)
             continue;
-        if (!stereo_predict(b, &b->seen[i], &at))
+        if (!stereo_predict(bundle, &bundle->seen[i], &at))
             return 1e30;
-        const double x = at.x - b->seen[i].at.x, y = at.y - b->seen[i].at.y;
-        sum += huber(sqrt(x * x + y * y));
+        const double x = at.x - bundle->seen[i].at.x, y = at.y - bundle->seen[i].at.y;
+        sum += huber_loss(sqrt(x * x + y * y));
     }
     return sum;
 }
@@ -201,92 +204,93 @@ struct system {
     double *a, *g, *damped, *step; // J'J's lower triangle, -J'r; scratch; the solution
 };
 
-static void add_sighting(const struct stereo_bundle *b, const struct disc_sighting *s, struct system *m)
+static void add_sighting(const struct stereo_bundle *bundle, const struct disc_sighting *sighting,
+                         struct system *system)
 {
     struct pixel at;
     double j[LOCAL][2];
     int column[LOCAL];
-    if (s->outlier || !predict_with_slopes(b, s, &at, j))
+    if (sighting->outlier || !predict_with_slopes(bundle, sighting, &at, j))
         return;
-    const double rx = at.x - s->at.x, ry = at.y - s->at.y, distance = sqrt(rx * rx + ry * ry);
+    const double rx = at.x - sighting->at.x, ry = at.y - sighting->at.y, distance = sqrt(rx * rx + ry * ry);
     const double weight = distance <= HUBER_PX ? 1 : HUBER_PX / distance;
     for (int k = 0; k < LOCAL; k++)
-        column[k] = column_of(s, k);
+        column[k] = column_of(sighting, k);
     for (int k = 0; k < LOCAL; k++) {
         if (column[k] < 0)
             continue;
-        m->g[column[k]] -= weight * (j[k][0] * rx + j[k][1] * ry);
+        system->g[column[k]] -= weight * (j[k][0] * rx + j[k][1] * ry);
         for (int i = 0; i <= k; i++) // the columns rise
             if (column[i] >= 0)
-                m->a[column[k] * m->n + column[i]] += weight * (j[k][0] * j[i][0] + j[k][1] * j[i][1]);
+                system->a[column[k] * system->n + column[i]] += weight * (j[k][0] * j[i][0] + j[k][1] * j[i][1]);
     }
 }
 
-static void fill_system(const struct stereo_bundle *b, struct system *m)
+static void fill_system(const struct stereo_bundle *bundle, struct system *system)
 {
-    memset(m->a, 0, (size_t)(m->n * m->n) * sizeof *m->a);
-    memset(m->g, 0, (size_t)m->n * sizeof *m->g);
-    for (int i = 0; i < b->count; i++)
-        add_sighting(b, &b->seen[i], m);
-    for (int i = 0; i < m->n; i++)
-        if (m->a[i * m->n + i] == 0) // nothing depends on it: it stays
-            m->a[i * m->n + i] = 1;
+    memset(system->a, 0, (size_t)(system->n * system->n) * sizeof *system->a);
+    memset(system->g, 0, (size_t)system->n * sizeof *system->g);
+    for (int i = 0; i < bundle->count; i++)
+        add_sighting(bundle, &bundle->seen[i], system);
+    for (int i = 0; i < system->n; i++)
+        if (system->a[i * system->n + i] == 0) // nothing depends on it: it stays
+            system->a[i * system->n + i] = 1;
 }
 
-static void apply(struct stereo_bundle *b, const double *step)
+static void apply_step(struct stereo_bundle *bundle, const double *step)
 {
     for (int camera = 0; camera < 2; camera++)
         for (int i = 0; i < BUNDLE_LENS; i++)
-            *lens_numbers(&b->lens[camera], i) += step[camera * BUNDLE_LENS + i];
-    b->camera_from_left[1] = moved(b->camera_from_left[1], step + 2 * BUNDLE_LENS);
-    for (int i = 0; i < b->boards; i++)
-        b->left_from_board[i] = moved(b->left_from_board[i], step + BUNDLE_SHARED + i * BUNDLE_POSE);
+            *lens_numbers(&bundle->lens[camera], i) += step[camera * BUNDLE_LENS + i];
+    bundle->camera_from_left[1] = moved_pose(bundle->camera_from_left[1], step + 2 * BUNDLE_LENS);
+    for (int i = 0; i < bundle->boards; i++)
+        bundle->left_from_board[i] = moved_pose(bundle->left_from_board[i], step + BUNDLE_SHARED + i * BUNDLE_POSE);
 }
 
-void stereo_bundle_move(struct stereo_bundle *b, int unknown, double step)
+void stereo_bundle_move(struct stereo_bundle *bundle, int unknown, double step)
 {
     double d[BUNDLE_POSE] = {0};
     if (unknown < 2 * BUNDLE_LENS) {
-        *lens_numbers(&b->lens[unknown / BUNDLE_LENS], unknown % BUNDLE_LENS) += step;
+        *lens_numbers(&bundle->lens[unknown / BUNDLE_LENS], unknown % BUNDLE_LENS) += step;
     } else {
         d[unknown - 2 * BUNDLE_LENS] = step;
-        b->camera_from_left[1] = moved(b->camera_from_left[1], d);
+        bundle->camera_from_left[1] = moved_pose(bundle->camera_from_left[1], d);
     }
 }
 
-static bool solve_damped(struct system *m, double damping)
+static bool solve_damped(struct system *system, double damping)
 {
-    memcpy(m->damped, m->a, (size_t)(m->n * m->n) * sizeof *m->a);
-    for (int i = 0; i < m->n; i++)
-        m->damped[i * m->n + i] *= 1 + damping;
-    memcpy(m->step, m->g, (size_t)m->n * sizeof *m->g);
-    if (!cholesky_factor(m->damped, m->n))
+    memcpy(system->damped, system->a, (size_t)(system->n * system->n) * sizeof *system->a);
+    for (int i = 0; i < system->n; i++)
+        system->damped[i * system->n + i] *= 1 + damping;
+    memcpy(system->step, system->g, (size_t)system->n * sizeof *system->g);
+    if (!cholesky_factor(system->damped, system->n))
         return false;
-    cholesky_solve(m->damped, m->n, m->step);
+    cholesky_solve(system->damped, system->n, system->step);
     return true;
 }
 
-static void descend(struct stereo_bundle *b, struct system *m, struct pose *kept)
+static void minimize_cost(struct stereo_bundle *bundle, struct system *system, struct pose *kept)
 {
-    double damping = 1e-3, now = stereo_bundle_cost(b);
-    const size_t bytes = (size_t)b->boards * sizeof *kept;
-    for (int i = 0; i < MOST_STEPS && damping < 1e8; i++) {
-        fill_system(b, m);
-        const struct stereo_bundle before = *b;
-        memcpy(kept, b->left_from_board, bytes);
+    double damping = 1e-3, now = stereo_bundle_cost(bundle);
+    const size_t bytes = (size_t)bundle->boards * sizeof *kept;
+    for (int i = 0; i < MAX_STEPS && damping < 1e8; i++) {
+        fill_system(bundle, system);
+        const struct stereo_bundle before = *bundle;
+        memcpy(kept, bundle->left_from_board, bytes);
         bool better = false;
         double change = 0;
         while (!better && damping < 1e8) {
-            if (solve_damped(m, damping)) {
-                apply(b, m->step);
-                const double then = stereo_bundle_cost(b);
+            if (solve_damped(system, damping)) {
+                apply_step(bundle, system->step);
+                const double then = stereo_bundle_cost(bundle);
                 better = then < now;
                 change = (now - then) / (now + 1e-12);
                 now = better ? then : now;
             }
             if (!better) {
-                *b = before;
-                memcpy(b->left_from_board, kept, bytes);
+                *bundle = before;
+                memcpy(bundle->left_from_board, kept, bytes);
             }
             damping *= better ? 0.2 : 8;
         }
@@ -302,50 +306,50 @@ static int compare_doubles(const void *a, const void *b)
 }
 
 // From where it was seen to where it is predicted, pixels; far for what is behind the camera.
-static double distance_of(const struct stereo_bundle *b, const struct disc_sighting *s)
+static double distance_of(const struct stereo_bundle *bundle, const struct disc_sighting *sighting)
 {
     struct pixel at;
-    return stereo_predict(b, s, &at) ? hypot(at.x - s->at.x, at.y - s->at.y) : 1e9;
+    return stereo_predict(bundle, sighting, &at) ? hypot(at.x - sighting->at.x, at.y - sighting->at.y) : 1e9;
 }
 
 // Marks what is further off than any noise: 6 times the median distance, but at least 0.5 pixels.
-static int mark_outliers(struct stereo_bundle *b, double *distances)
+static int mark_outliers(struct stereo_bundle *bundle, double *distances)
 {
     int marked = 0;
-    for (int i = 0; i < b->count; i++)
-        distances[i] = distance_of(b, &b->seen[i]);
-    qsort(distances, (size_t)b->count, sizeof *distances, compare_doubles);
-    const double limit = b->count ? fmax(0.5, 6 * distances[b->count / 2]) : 0.5;
-    for (int i = 0; i < b->count; i++) {
-        b->seen[i].outlier = distance_of(b, &b->seen[i]) > limit;
-        marked += b->seen[i].outlier;
+    for (int i = 0; i < bundle->count; i++)
+        distances[i] = distance_of(bundle, &bundle->seen[i]);
+    qsort(distances, (size_t)bundle->count, sizeof *distances, compare_doubles);
+    const double limit = bundle->count ? fmax(0.5, 6 * distances[bundle->count / 2]) : 0.5;
+    for (int i = 0; i < bundle->count; i++) {
+        bundle->seen[i].outlier = distance_of(bundle, &bundle->seen[i]) > limit;
+        marked += bundle->seen[i].outlier;
     }
     return marked;
 }
 
-static void write_covariance(const struct stereo_bundle *b, struct system *m, double *covariance)
+static void write_covariance(const struct stereo_bundle *bundle, struct system *system, double *covariance)
 {
     double squares = 0;
     int n = 0;
-    for (int i = 0; i < b->count; i++) {
+    for (int i = 0; i < bundle->count; i++) {
         struct pixel at;
-        if (b->seen[i].outlier || !stereo_predict(b, &b->seen[i], &at))
+        if (bundle->seen[i].outlier || !stereo_predict(bundle, &bundle->seen[i], &at))
             continue;
-        squares +=
-            (at.x - b->seen[i].at.x) * (at.x - b->seen[i].at.x) + (at.y - b->seen[i].at.y) * (at.y - b->seen[i].at.y);
+        squares += (at.x - bundle->seen[i].at.x) * (at.x - bundle->seen[i].at.x) +
+                   (at.y - bundle->seen[i].at.y) * (at.y - bundle->seen[i].at.y);
         n += 2;
     }
-    const double variance = n > m->n ? squares / (n - m->n) : squares;
-    fill_system(b, m);
+    const double variance = n > system->n ? squares / (n - system->n) : squares;
+    fill_system(bundle, system);
     memset(covariance, 0, BUNDLE_SHARED * BUNDLE_SHARED * sizeof *covariance);
-    if (!cholesky_factor(m->a, m->n))
+    if (!cholesky_factor(system->a, system->n))
         return;
     for (int k = 0; k < BUNDLE_SHARED; k++) {
-        memset(m->step, 0, (size_t)m->n * sizeof *m->step);
-        m->step[k] = 1;
-        cholesky_solve(m->a, m->n, m->step);
+        memset(system->step, 0, (size_t)system->n * sizeof *system->step);
+        system->step[k] = 1;
+        cholesky_solve(system->a, system->n, system->step);
         for (int i = 0; i < BUNDLE_SHARED; i++)
-            covariance[k * BUNDLE_SHARED + i] = variance * m->step[i];
+            covariance[k * BUNDLE_SHARED + i] = variance * system->step[i];
     }
 }
 
@@ -363,9 +367,9 @@ enum status stereo_bundle_solve(struct stereo_bundle *b, double *covariance)
     if (!m.a || !m.damped || !m.g || !m.step || !kept || !distances) {
         status = fail(ERR_MEMORY, "no memory to calibrate with %d boards", b->boards);
     } else {
-        descend(b, &m, kept);
+        minimize_cost(b, &m, kept);
         if (mark_outliers(b, distances))
-            descend(b, &m, kept);
+            minimize_cost(b, &m, kept);
         if (!(stereo_bundle_cost(b) < 1e20))
             status = fail(ERR_SOLVER, "the calibration did not converge");
         else if (covariance)

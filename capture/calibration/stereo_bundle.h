@@ -22,13 +22,13 @@ struct stereo_bundle {
 enum { BUNDLE_LENS = 8, BUNDLE_POSE = 6, BUNDLE_SHARED = 2 * BUNDLE_LENS + BUNDLE_POSE };
 
 // The centroid of the disc's image. False: it is behind the camera.
-bool stereo_predict(const struct stereo_bundle *b, const struct disc_sighting *s, struct pixel *out);
+bool stereo_predict(const struct stereo_bundle *bundle, const struct disc_sighting *sighting, struct pixel *out);
 
 // The sum over the sightings of Huber's function of their distances, pixels^2; 1e30 with one behind its camera.
-double stereo_bundle_cost(const struct stereo_bundle *b);
+double stereo_bundle_cost(const struct stereo_bundle *bundle);
 
 // One of the BUNDLE_SHARED unknowns moved by `step`.
-void stereo_bundle_move(struct stereo_bundle *b, int unknown, double step);
+void stereo_bundle_move(struct stereo_bundle *bundle, int unknown, double step);
 
 // Levenberg-Marquardt with Huber weights until it stops improving, leaving out gross outliers once. `covariance`, where
 // not NULL: BUNDLE_SHARED^2 doubles in the order fx, fy, cx, cy, k1, k2, p1, p2 of left and of right, turn and shift of

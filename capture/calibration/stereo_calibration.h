@@ -29,9 +29,9 @@ struct circle {
     int column, row; // lattice: (row's axis) lies clockwise of (column's axis) in the image; the origin is arbitrary
 };
 
-enum { STEREO_MOST_CIRCLES = 1024 };
+enum { STEREO_MAX_CIRCLES = 1024 };
 
-// gray: width * height bytes. Writes the largest lattice found, at most STEREO_MOST_CIRCLES circles, lattice
+// gray: width * height bytes. Writes the largest lattice found, at most STEREO_MAX_CIRCLES circles, lattice
 // coordinates from 0 on; *count is their number, 0 for none. ERR_MEMORY.
 MUST_CHECK enum status stereo_circles_find(const uint8_t *gray, int width, int height, struct circle *out, int *count);
 
@@ -76,7 +76,7 @@ struct stereo_report {
     char warning[256];  // a sentence; "" where all is well
 };
 
-enum { STEREO_LEAST_VIEWS = 4, STEREO_MOST_PAIRS = 512 };
+enum { STEREO_MIN_VIEWS = 4, STEREO_MAX_PAIRS = 512 };
 
 // width, height: of all pictures. ERR_INPUT with a sentence that names the likely cause: too few boards, boards that
 // stand still or are turned too little, a lens that does not fit, pictures that do not belong together; ERR_SOLVER;

@@ -16,9 +16,9 @@
 static const double AGREE_SHARE = 0.03;
 
 enum {
-    MOST_PROPOSING = 48, // pairs that propose a pose
-    MOST_COMPARED = 12,  // circles of a pair that are compared
-    MOST_SHIFT = 4,      // by which the names in the two folders may be out of step, for the sentence
+    MAX_PROPOSING = 48, // pairs that propose a pose
+    MAX_COMPARED = 12,  // circles of a pair that are compared
+    MAX_SHIFT = 4,      // by which the names in the two folders may be out of step, for the sentence
 };
 
 // The motion of the lattice that turns it by `quarter` quarter turns about its origin and then shifts it.
@@ -46,20 +46,20 @@ static struct extent lattice_extent(const struct circle *circles, int count)
 }
 
 // The lattice reaches over the whole board, so that its place on it is known but for turns; a circle may be missing.
-static bool is_whole(const struct stereo_board *board, struct extent e)
+static bool is_whole(const struct stereo_board *board, struct extent extent)
 {
-    return (e.columns == board->columns && e.rows == board->rows) ||
-           (e.columns == board->rows && e.rows == board->columns);
+    return (extent.columns == board->columns && extent.rows == board->rows) ||
+           (extent.columns == board->rows && extent.rows == board->columns);
 }
 
-static struct extent extent_of(const struct stereo_pairs *p, int camera, int view)
+static struct extent extent_of(const struct stereo_pairs *pairs, int camera, int view)
 {
-    return lattice_extent(p->views[view].circles[camera], p->views[view].count[camera]);
+    return lattice_extent(pairs->views[view].circles[camera], pairs->views[view].count[camera]);
 }
 
-static bool both_whole(const struct stereo_pairs *p, int left, int right)
+static bool both_whole(const struct stereo_pairs *pairs, int left, int right)
 {
-    return is_whole(p->board, extent_of(p, 0, left)) && is_whole(p->board, extent_of(p, 1, right));
+    return is_whole(pairs->board, extent_of(pairs, 0, left)) && is_whole(pairs->board, extent_of(pairs, 1, right));
 }
 
 // Whether the right lattice, turned by `quarter`, reaches as far as the left one.
@@ -70,7 +70,7 @@ static bool fits_turned(struct extent left, struct extent right, int quarter)
 }
 
 // Two whole lattices: the right one turned begins where the left one does. (c, r) turned by a quarter is (-r, c).
-static struct pose whole_motion(const struct stereo_pairs *p, struct extent right, int quarter)
+static struct pose whole_motion(const struct stereo_pairs *pairs, struct extent right, int quarter)
 {
     const int columns = right.columns - 1, rows = right.rows - 1;
     double x = 0, y = 0;
@@ -80,58 +80,58 @@ static struct pose whole_motion(const struct stereo_pairs *p, struct extent righ
     case 3: y = columns; break;
     default: break;
     }
-    return stereo_lattice_motion(quarter, x, y, p->board->pitch_m);
+    return stereo_lattice_motion(quarter, x, y, pairs->board->pitch_m);
 }
 
-static struct pose rig_by(const struct stereo_pairs *p, int left, int right, struct pose motion)
+static struct pose rig_by(const struct stereo_pairs *pairs, int left, int right, struct pose motion)
 {
-    return pose_multiply(p->camera_from_board[1][right],
-                         pose_inverse(pose_multiply(p->camera_from_board[0][left], motion)));
+    return pose_multiply(pairs->camera_from_board[1][right],
+                         pose_inverse(pose_multiply(pairs->camera_from_board[0][left], motion)));
 }
 
-struct pose stereo_pairs_motion(const struct stereo_pairs *p, int left, int right, struct pose right_from_left)
+struct pose stereo_pairs_motion(const struct stereo_pairs *pairs, int left, int right, struct pose right_from_left)
 {
-    const double pitch_m = p->board->pitch_m;
-    const struct extent left_extent = extent_of(p, 0, left), right_extent = extent_of(p, 1, right);
-    const bool whole = is_whole(p->board, left_extent) && is_whole(p->board, right_extent);
+    const double pitch_m = pairs->board->pitch_m;
+    const struct extent left_extent = extent_of(pairs, 0, left), right_extent = extent_of(pairs, 1, right);
+    const bool whole = is_whole(pairs->board, left_extent) && is_whole(pairs->board, right_extent);
     int best = 0;
-    double least = INFINITY;
+    double min = INFINITY;
     for (int quarter = 0; quarter < 4; quarter++) {
         if (whole && !fits_turned(left_extent, right_extent, quarter))
             continue;
-        const struct pose rig = rig_by(p, left, right, stereo_lattice_motion(quarter, 0, 0, pitch_m));
+        const struct pose rig = rig_by(pairs, left, right, stereo_lattice_motion(quarter, 0, 0, pitch_m));
         const double angle = pose_angle(rig, right_from_left);
-        if (angle < least) {
-            least = angle;
+        if (angle < min) {
+            min = angle;
             best = quarter;
         }
     }
     if (whole)
-        return whole_motion(p, right_extent, best);
+        return whole_motion(pairs, right_extent, best);
     // The right board in the left board's axes, rounded to the lattice.
-    const struct pose m = pose_multiply(pose_inverse(pose_multiply(right_from_left, p->camera_from_board[0][left])),
-                                        p->camera_from_board[1][right]);
+    const struct pose m = pose_multiply(pose_inverse(pose_multiply(right_from_left, pairs->camera_from_board[0][left])),
+                                        pairs->camera_from_board[1][right]);
     return stereo_lattice_motion(best, floor(m.translation.x / pitch_m + 0.5), floor(m.translation.y / pitch_m + 0.5),
                                  pitch_m);
 }
 
 // Root of the mean squared distance, pixels, of the right camera's circles from where the left camera's board and the
 // pose between the cameras put them.
-static double disagreement_px(const struct stereo_pairs *p, int left, int right, struct pose right_from_left)
+static double disagreement_px(const struct stereo_pairs *pairs, int left, int right, struct pose right_from_left)
 {
     const struct pose right_from_board =
-        pose_multiply(right_from_left, pose_multiply(p->camera_from_board[0][left],
-                                                     stereo_pairs_motion(p, left, right, right_from_left)));
-    const double most_r2 = lens_max_radius2(&p->lens[1]), pitch_m = p->board->pitch_m;
-    const int count = p->views[right].count[1], step = count / MOST_COMPARED + 1;
+        pose_multiply(right_from_left, pose_multiply(pairs->camera_from_board[0][left],
+                                                     stereo_pairs_motion(pairs, left, right, right_from_left)));
+    const double max_r2 = lens_max_radius2(&pairs->lens[1]), pitch_m = pairs->board->pitch_m;
+    const int count = pairs->views[right].count[1], step = count / MAX_COMPARED + 1;
     double sum = 0;
     int compared = 0;
     for (int i = 0; i < count; i += step, compared++) {
-        const struct circle *c = &p->views[right].circles[1][i];
+        const struct circle *c = &pairs->views[right].circles[1][i];
         const struct vec3 point = pose_apply(right_from_board, v3(c->column * pitch_m, c->row * pitch_m, 0));
         if (!(point.z > 1e-3))
             return INFINITY;
-        const struct pixel at = lens_project_clamped(&p->lens[1], most_r2, point);
+        const struct pixel at = lens_project_clamped(&pairs->lens[1], max_r2, point);
         sum += (at.x - c->at.x) * (at.x - c->at.x) + (at.y - c->at.y) * (at.y - c->at.y);
     }
     return sqrt(sum / compared);
@@ -151,18 +151,18 @@ static bool is_better(const struct proposal *a, const struct proposal *b)
     return a->agreeing <= 1 ? a->turn_rad < b->turn_rad : a->sum_px < b->sum_px;
 }
 
-static void judge_proposal(const struct stereo_pairs *p, int shift, struct proposal *of)
+static void judge_proposal(const struct stereo_pairs *pairs, int shift, struct proposal *of)
 {
-    const double most_px = AGREE_SHARE * p->lens[0].width;
+    const double max_px = AGREE_SHARE * pairs->lens[0].width;
     of->agreeing = 0;
     of->sum_px = 0;
     of->turn_rad = pose_angle(of->right_from_left, POSE_IDENTITY);
-    for (int left = 0; left < p->count; left++) {
+    for (int left = 0; left < pairs->count; left++) {
         const int right = left + shift;
-        if (right < 0 || right >= p->count || !p->seen[0][left] || !p->seen[1][right])
+        if (right < 0 || right >= pairs->count || !pairs->seen[0][left] || !pairs->seen[1][right])
             continue;
-        const double px = disagreement_px(p, left, right, of->right_from_left);
-        if (px > most_px)
+        const double px = disagreement_px(pairs, left, right, of->right_from_left);
+        if (px > max_px)
             continue;
         of->agreeing++;
         of->sum_px += px;
@@ -170,26 +170,26 @@ static void judge_proposal(const struct stereo_pairs *p, int shift, struct propo
 }
 
 // The best of all proposals of pairs whose right picture is `shift` after the left one. False: no pair can propose.
-static bool best_proposal(const struct stereo_pairs *p, int shift, struct proposal *best)
+static bool best_proposal(const struct stereo_pairs *pairs, int shift, struct proposal *best)
 {
     int whole = 0, at = 0;
-    for (int left = 0; left < p->count; left++)
-        whole += left + shift >= 0 && left + shift < p->count && p->seen[0][left] && p->seen[1][left + shift] &&
-                 both_whole(p, left, left + shift);
-    const int step = whole / MOST_PROPOSING + 1;
+    for (int left = 0; left < pairs->count; left++)
+        whole += left + shift >= 0 && left + shift < pairs->count && pairs->seen[0][left] &&
+                 pairs->seen[1][left + shift] && both_whole(pairs, left, left + shift);
+    const int step = whole / MAX_PROPOSING + 1;
     *best = (struct proposal){.agreeing = -1};
-    for (int left = 0; left < p->count; left++) {
+    for (int left = 0; left < pairs->count; left++) {
         const int right = left + shift;
-        if (right < 0 || right >= p->count || !p->seen[0][left] || !p->seen[1][right] || !both_whole(p, left, right) ||
-            at++ % step)
+        if (right < 0 || right >= pairs->count || !pairs->seen[0][left] || !pairs->seen[1][right] ||
+            !both_whole(pairs, left, right) || at++ % step)
             continue;
-        const struct extent left_extent = extent_of(p, 0, left), right_extent = extent_of(p, 1, right);
+        const struct extent left_extent = extent_of(pairs, 0, left), right_extent = extent_of(pairs, 1, right);
         for (int quarter = 0; quarter < 4; quarter++) {
             struct proposal by;
             if (!fits_turned(left_extent, right_extent, quarter))
                 continue;
-            by.right_from_left = rig_by(p, left, right, whole_motion(p, right_extent, quarter));
-            judge_proposal(p, shift, &by);
+            by.right_from_left = rig_by(pairs, left, right, whole_motion(pairs, right_extent, quarter));
+            judge_proposal(pairs, shift, &by);
             if (is_better(&by, best))
                 *best = by;
         }
@@ -199,26 +199,26 @@ static bool best_proposal(const struct stereo_pairs *p, int shift, struct propos
 
 // ------------------------------------------------------------- what is said
 
-static enum status fail_without_whole_board(const struct stereo_pairs *p)
+static enum status fail_without_whole_board(const struct stereo_pairs *pairs)
 {
-    struct extent most = {0, 0};
-    for (int v = 0; v < p->count; v++)
+    struct extent max = {0, 0};
+    for (int v = 0; v < pairs->count; v++)
         for (int camera = 0; camera < 2; camera++) {
-            const struct extent e = extent_of(p, camera, v);
-            if (p->seen[camera][v] && e.columns * e.rows > most.columns * most.rows)
-                most = e.columns >= e.rows ? e : (struct extent){e.rows, e.columns};
+            const struct extent e = extent_of(pairs, camera, v);
+            if (pairs->seen[camera][v] && e.columns * e.rows > max.columns * max.rows)
+                max = e.columns >= e.rows ? e : (struct extent){e.rows, e.columns};
         }
-    const int columns = p->board->columns, rows = p->board->rows;
+    const int columns = pairs->board->columns, rows = pairs->board->rows;
     const int longer = columns > rows ? columns : rows, shorter = columns > rows ? rows : columns;
-    if (most.columns > longer || most.rows > shorter)
+    if (max.columns > longer || max.rows > shorter)
         return fail(ERR_INPUT,
                     "the board has more circles than was said, %d x %d: the pictures show %d x %d of them; correct "
                     "\"columns\" and \"rows\" in board.json",
-                    columns, rows, most.columns, most.rows);
+                    columns, rows, max.columns, max.rows);
     return fail(ERR_INPUT,
                 "no pair of pictures shows the whole board of %d x %d circles to both cameras, at most %d x %d of "
                 "them; hold it further away in some, or correct \"columns\" and \"rows\" in board.json",
-                columns, rows, most.columns, most.rows);
+                columns, rows, max.columns, max.rows);
 }
 
 // What the right camera would have seen and found, were its pictures mirrored; NULL: no memory.
@@ -228,7 +228,7 @@ struct mirrored {
     struct pose *poses;
 };
 
-static struct vec3 mirror(struct vec3 p) { return v3(-p.x, p.y, p.z); }
+static struct vec3 mirror_point(struct vec3 p) { return v3(-p.x, p.y, p.z); }
 
 // A lattice keeps its sense of rotation: its columns become rows. The board's axes are mirrored likewise.
 static struct pose mirror_pose(struct pose camera_from_board)
@@ -236,36 +236,36 @@ static struct pose mirror_pose(struct pose camera_from_board)
     double m[3][3];
     quat_to_matrix(camera_from_board.rotation, m);
     double turned[3][3] = {{-m[0][1], -m[0][0], -m[0][2]}, {m[1][1], m[1][0], m[1][2]}, {m[2][1], m[2][0], m[2][2]}};
-    return (struct pose){quat_from_matrix(turned), mirror(camera_from_board.translation)};
+    return (struct pose){quat_from_matrix(turned), mirror_point(camera_from_board.translation)};
 }
 
-static bool mirror_right(struct stereo_pairs *p, struct mirrored *storage)
+static bool mirror_right(struct stereo_pairs *pairs, struct mirrored *storage)
 {
     size_t circles = 0;
-    for (int v = 0; v < p->count; v++)
-        circles += (size_t)p->views[v].count[1];
-    storage->views = malloc((size_t)p->count * sizeof *storage->views);
+    for (int v = 0; v < pairs->count; v++)
+        circles += (size_t)pairs->views[v].count[1];
+    storage->views = malloc((size_t)pairs->count * sizeof *storage->views);
     storage->circles = malloc((circles + 1) * sizeof *storage->circles);
-    storage->poses = malloc((size_t)p->count * sizeof *storage->poses);
+    storage->poses = malloc((size_t)pairs->count * sizeof *storage->poses);
     if (!storage->views || !storage->circles || !storage->poses)
         return false;
     struct circle *next = storage->circles;
-    for (int v = 0; v < p->count; v++) {
-        storage->views[v] = p->views[v];
+    for (int v = 0; v < pairs->count; v++) {
+        storage->views[v] = pairs->views[v];
         storage->views[v].circles[1] = next;
-        for (int i = 0; i < p->views[v].count[1]; i++, next++) {
-            *next = p->views[v].circles[1][i];
-            next->at.x = p->lens[1].width - 1 - next->at.x;
-            next->column = p->views[v].circles[1][i].row;
-            next->row = p->views[v].circles[1][i].column;
+        for (int i = 0; i < pairs->views[v].count[1]; i++, next++) {
+            *next = pairs->views[v].circles[1][i];
+            next->at.x = pairs->lens[1].width - 1 - next->at.x;
+            next->column = pairs->views[v].circles[1][i].row;
+            next->row = pairs->views[v].circles[1][i].column;
         }
-        if (p->seen[1][v])
-            storage->poses[v] = mirror_pose(p->camera_from_board[1][v]);
+        if (pairs->seen[1][v])
+            storage->poses[v] = mirror_pose(pairs->camera_from_board[1][v]);
     }
-    p->views = storage->views;
-    p->camera_from_board[1] = storage->poses;
-    p->lens[1].cx = p->lens[1].width - 1 - p->lens[1].cx;
-    p->lens[1].p2 = -p->lens[1].p2;
+    pairs->views = storage->views;
+    pairs->camera_from_board[1] = storage->poses;
+    pairs->lens[1].cx = pairs->lens[1].width - 1 - pairs->lens[1].cx;
+    pairs->lens[1].p2 = -pairs->lens[1].p2;
     return true;
 }
 
@@ -283,17 +283,17 @@ static bool agrees_mirrored(const struct stereo_pairs *pairs, int wanted)
 }
 
 // Names the likely cause: tries what is often wrong until the pairs agree.
-static enum status fail_apart(const struct stereo_pairs *p, int agreeing, int comparable)
+static enum status fail_apart(const struct stereo_pairs *pairs, int agreeing, int comparable)
 {
     const int wanted = comparable - comparable / 4;
-    if (agrees_mirrored(p, wanted))
+    if (agrees_mirrored(pairs, wanted))
         return fail(ERR_INPUT,
                     "one camera's pictures are mirrored, the other's are not: switch that off in the camera, "
                     "or turn them over again");
-    for (int k = 0; k < 2 * MOST_SHIFT; k++) {
+    for (int k = 0; k < 2 * MAX_SHIFT; k++) {
         const int shift = k % 2 ? -(k / 2 + 1) : k / 2 + 1, left_over = shift < 0 ? -shift : shift;
         struct proposal best;
-        if (best_proposal(p, shift, &best) && best.agreeing >= 3 && best.agreeing >= wanted - left_over)
+        if (best_proposal(pairs, shift, &best) && best.agreeing >= 3 && best.agreeing >= wanted - left_over)
             return fail(ERR_INPUT,
                         "the names in left and right are out of step: each left picture belongs to the right picture "
                         "%d %s it; name pictures of one instant alike",
@@ -327,10 +327,10 @@ enum status stereo_pairs_agree(const struct stereo_pairs *p, struct pose *right_
 
 // ---------------------------------------------------------------- stereo rig
 
-enum { MOST_PAIRS = STEREO_MOST_PAIRS, MOST_NAME = 128 };
+enum { MAX_PAIRS = STEREO_MAX_PAIRS, MAX_NAME = 128 };
 
-static const double FARTHEST_M = 100;                       // one camera from the other
-static const double LEAST_PITCH_M = 1e-3, MOST_BOARD_M = 5; // no printed board is finer, or larger
+static const double FARTHEST_M = 100;                    // one camera from the other
+static const double MIN_PITCH_M = 1e-3, MAX_BOARD_M = 5; // no printed board is finer, or larger
 
 static enum status read_board(const char *folder, struct stereo_board *board)
 {
@@ -350,11 +350,11 @@ static enum status read_board(const char *folder, struct stereo_board *board)
         (void)json_get_string(json_member(root, "pattern"), &pattern);
         if (strcmp(pattern, "circles"))
             status = fail(ERR_INPUT, "%s: the pattern '%s' is not known; print circles", path, pattern);
-        else if (!(columns >= 3 && rows >= 3 && columns * rows <= STEREO_MOST_CIRCLES) || columns != floor(columns) ||
+        else if (!(columns >= 3 && rows >= 3 && columns * rows <= STEREO_MAX_CIRCLES) || columns != floor(columns) ||
                  rows != floor(rows))
             status = fail(ERR_INPUT, "%s: a board has 3 or more whole columns and rows, and at most %d circles", path,
-                          STEREO_MOST_CIRCLES);
-        else if (!(board->pitch_m > LEAST_PITCH_M && board->pitch_m * fmax(columns, rows) < MOST_BOARD_M))
+                          STEREO_MAX_CIRCLES);
+        else if (!(board->pitch_m > MIN_PITCH_M && board->pitch_m * fmax(columns, rows) < MAX_BOARD_M))
             status = fail(ERR_INPUT,
                           "%s: pitch_m is the distance of two circles' centres in metres, 0.02 for 20 mm; %g makes a "
                           "board of %g m",
@@ -370,7 +370,7 @@ static enum status read_board(const char *folder, struct stereo_board *board)
 
 static int compare_names(const void *a, const void *b) { return strcmp(a, b); }
 
-static enum status list_pairs(const char *folder, char (*names)[MOST_NAME], int *count)
+static enum status list_pairs(const char *folder, char (*names)[MAX_NAME], int *count)
 {
     char path[1024];
     *count = 0;
@@ -382,10 +382,10 @@ static enum status list_pairs(const char *folder, char (*names)[MOST_NAME], int 
     for (struct dirent *entry; status == OK && (entry = readdir(dir));) {
         if (entry->d_name[0] == '.')
             continue;
-        if (*count == MOST_PAIRS)
-            status = fail(ERR_INPUT, "%s holds more than %d pictures", path, MOST_PAIRS);
-        else if (strlen(entry->d_name) >= MOST_NAME)
-            status = fail(ERR_INPUT, "%s: the name %.40s… is longer than %d bytes", path, entry->d_name, MOST_NAME - 1);
+        if (*count == MAX_PAIRS)
+            status = fail(ERR_INPUT, "%s holds more than %d pictures", path, MAX_PAIRS);
+        else if (strlen(entry->d_name) >= MAX_NAME)
+            status = fail(ERR_INPUT, "%s: the name %.40s… is longer than %d bytes", path, entry->d_name, MAX_NAME - 1);
         else
             strcpy(names[(*count)++], entry->d_name);
     }
@@ -400,21 +400,21 @@ struct sheet {
     int width, height;
 };
 
-static enum status find_in(const char *path, struct sheet *s, struct circle *out, int *count)
+static enum status find_in(const char *path, struct sheet *sheet, struct circle *out, int *count)
 {
     struct image image;
     enum status status = image_read(path, &image);
     if (status != OK)
         return status;
-    if (!s->width) {
-        s->width = image.width;
-        s->height = image.height;
+    if (!sheet->width) {
+        sheet->width = image.width;
+        sheet->height = image.height;
     }
     const size_t pixels = (size_t)image.width * (size_t)image.height;
     uint8_t *gray = malloc(pixels);
     if (!gray)
         status = fail(ERR_MEMORY, "%s: no memory", path);
-    else if (image.width != s->width || image.height != s->height)
+    else if (image.width != sheet->width || image.height != sheet->height)
         status = fail(ERR_INPUT, "%s has another size than the pictures before it", path);
     if (status == OK) {
         image_gray(image.rgb, pixels, gray);
@@ -425,18 +425,18 @@ static enum status find_in(const char *path, struct sheet *s, struct circle *out
     return status;
 }
 
-static enum status find_all(const char *folder, char (*names)[MOST_NAME], int count, struct sheet *s)
+static enum status find_all(const char *folder, char (*names)[MAX_NAME], int count, struct sheet *sheet)
 {
     static const char *const sides[2] = {"left", "right"};
     char path[1280];
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++)
         for (int side = 0; side < 2 && status == OK; side++) {
-            struct circle *at = s->circles + (size_t)(2 * i + side) * STEREO_MOST_CIRCLES;
+            struct circle *at = sheet->circles + (size_t)(2 * i + side) * STEREO_MAX_CIRCLES;
             snprintf(path, sizeof path, "%s/%s/%s", folder, sides[side], names[i]);
-            s->views[i].circles[side] = at;
-            s->views[i].name = names[i];
-            status = find_in(path, s, at, &s->views[i].count[side]);
+            sheet->views[i].circles[side] = at;
+            sheet->views[i].name = names[i];
+            status = find_in(path, sheet, at, &sheet->views[i].count[side]);
         }
     return status;
 }
@@ -446,14 +446,14 @@ enum status stereo_calibrate_folder(const char *folder, struct stereo_rig *rig, 
 {
     struct stereo_board board;
     struct sheet s = {0};
-    char(*names)[MOST_NAME] = malloc(MOST_PAIRS * sizeof *names);
+    char(*names)[MAX_NAME] = malloc(MAX_PAIRS * sizeof *names);
     if (!names)
         return fail(ERR_MEMORY, "no memory to list %s", folder);
     enum status status = read_board(folder, &board);
     if (status == OK)
         status = list_pairs(folder, names, pairs);
     if (status == OK) {
-        s.circles = malloc((size_t)*pairs * 2 * STEREO_MOST_CIRCLES * sizeof *s.circles);
+        s.circles = malloc((size_t)*pairs * 2 * STEREO_MAX_CIRCLES * sizeof *s.circles);
         s.views = calloc((size_t)*pairs, sizeof *s.views);
         if (!s.circles || !s.views)
             status = fail(ERR_MEMORY, "no memory for %d pairs of pictures", *pairs);
@@ -479,7 +479,7 @@ static bool read_matrix(const struct json *rows, int n, double *out)
     return true;
 }
 
-static enum status read_lens(const struct json *root, const char *side, const char *path, struct lens *l)
+static enum status read_lens(const struct json *root, const char *side, const char *path, struct lens *lens)
 {
     const struct json *camera = json_member(root, side), *distortion = json_member(camera, "distortion");
     double k[9], d[5] = {0}, width = 640, height = 480;
@@ -493,18 +493,18 @@ static enum status read_lens(const struct json *root, const char *side, const ch
         return fail(ERR_INPUT,
                     "%s: \"%s\" needs \"K\", three rows of three numbers, and \"distortion\", k1 k2 p1 p2 k3", path,
                     side);
-    *l = (struct lens){.width = (int)width,
-                       .height = (int)height,
-                       .fx = k[0],
-                       .fy = k[4],
-                       .cx = k[2],
-                       .cy = k[5],
-                       .k1 = d[0],
-                       .k2 = d[1],
-                       .p1 = d[2],
-                       .p2 = d[3],
-                       .k3 = d[4]};
-    return lens_check(l, side);
+    *lens = (struct lens){.width = (int)width,
+                          .height = (int)height,
+                          .fx = k[0],
+                          .fy = k[4],
+                          .cx = k[2],
+                          .cy = k[5],
+                          .k1 = d[0],
+                          .k2 = d[1],
+                          .p1 = d[2],
+                          .p2 = d[3],
+                          .k3 = d[4]};
+    return lens_check(lens, side);
 }
 
 // Optional: six numbers of a covariance.
@@ -552,14 +552,14 @@ static void add_row(struct json *rows, const char *name, const double *values, i
         json_push_number(row, values[i]);
 }
 
-static void add_lens(struct json *root, const char *side, const struct lens *l)
+static void add_lens(struct json *root, const char *side, const struct lens *lens)
 {
     struct json *camera = json_add_object(root, side), *k = json_add_array(camera, "K");
-    add_row(k, NULL, (double[]){l->fx, 0, l->cx}, 3);
-    add_row(k, NULL, (double[]){0, l->fy, l->cy}, 3);
+    add_row(k, NULL, (double[]){lens->fx, 0, lens->cx}, 3);
+    add_row(k, NULL, (double[]){0, lens->fy, lens->cy}, 3);
     add_row(k, NULL, (double[]){0, 0, 1}, 3);
     struct json *distortion = json_add_array(camera, "distortion");
-    const double d[5] = {l->k1, l->k2, l->p1, l->p2, l->k3};
+    const double d[5] = {lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
     for (int i = 0; i < 5; i++)
         json_push_number(distortion, d[i]);
 }

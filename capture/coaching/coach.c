@@ -15,30 +15,33 @@ static const double SOLE_M = 0.09, CROWN_M = 0.13; // below the ankle, above the
 enum { MIN_PIXELS = 3 };                           // of the mask along an edge
 
 // Mask pixels on the rows or columns nearest to an edge, where the depth image has any.
-static int count_row(const struct lens *l, const uint8_t *mask, int y)
+static int count_row(const struct lens *lens, const uint8_t *mask, int y)
 {
     int count = 0;
-    for (int x = 0; x < l->width; x++)
-        count += mask[y * l->width + x] != 0;
+    for (int x = 0; x < lens->width; x++)
+        count += mask[y * lens->width + x] != 0;
     return count;
 }
 
-static int count_column(const struct lens *l, const uint8_t *mask, int x)
+static int count_column(const struct lens *lens, const uint8_t *mask, int x)
 {
     int count = 0;
-    for (int y = 0; y < l->height; y++)
-        count += mask[y * l->width + x] != 0;
+    for (int y = 0; y < lens->height; y++)
+        count += mask[y * lens->width + x] != 0;
     return count;
 }
 
 // The row of a point that lies `down_m` below a joint. Camera axes: y is down.
-static double row_of(const struct lens *l, struct pose depth_from_color, struct vec3 joint, double down_m)
+static double row_of(const struct lens *lens, struct pose depth_from_color, struct vec3 joint, double down_m)
 {
     const struct vec3 p = pose_apply(depth_from_color, v3_add(joint, v3(0, down_m, 0)));
-    return p.z > 0.1 ? l->fy * p.y / p.z + l->cy : l->height;
+    return p.z > 0.1 ? lens->fy * p.y / p.z + lens->cy : lens->height;
 }
 
-static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+static bool is_joint_known(const struct skeleton *skeleton, enum joint joint)
+{
+    return skeleton->confidence[joint] > 0;
+}
 
 static struct framing framing_of(const struct framing_view *view)
 {
@@ -49,16 +52,16 @@ static struct framing framing_of(const struct framing_view *view)
     bool low = false, high = false;
     for (int side = 0; side < 2; side++) {
         const enum joint foot = side ? JOINT_LEFT_FOOT : JOINT_RIGHT_FOOT;
-        low |= known(s, foot) && row_of(l, depth_from_color, s->joint[foot], SOLE_M) > l->height - 1;
+        low |= is_joint_known(s, foot) && row_of(l, depth_from_color, s->joint[foot], SOLE_M) > l->height - 1;
     }
-    high = known(s, JOINT_HEAD) && row_of(l, depth_from_color, s->joint[JOINT_HEAD], -CROWN_M) < 0;
+    high = is_joint_known(s, JOINT_HEAD) && row_of(l, depth_from_color, s->joint[JOINT_HEAD], -CROWN_M) < 0;
     // Registered depth may leave some rows at the edges empty: an edge counts within a hundredth of the picture.
     const int margin_y = l->height / 100, margin_x = l->width / 100;
     f.feet_outside = low || count_row(l, view->mask, l->height - 1 - margin_y) >= MIN_PIXELS;
     f.head_outside = high || count_row(l, view->mask, margin_y) >= MIN_PIXELS;
     f.side_outside = count_column(l, view->mask, margin_x) >= MIN_PIXELS ||
                      count_column(l, view->mask, l->width - 1 - margin_x) >= MIN_PIXELS;
-    if (known(s, JOINT_WAIST)) {
+    if (is_joint_known(s, JOINT_WAIST)) {
         f.distance_m = s->joint[JOINT_WAIST].z;
         f.too_near = f.distance_m < NEAR_M;
         f.too_far = f.distance_m > FAR_M;
@@ -73,7 +76,7 @@ static const int STILL_FRAMES = 90;        // what has not moved for so long is 
 static const int SURE_FRAMES = 3;          // that show something farther than the background
 static const int FROZEN_FRAMES = 10;       // noise alone changes a live picture from frame to frame
 static const int PUSHED_FRAMES = 4;        // that agree
-static const int MOST_FRAMES = 3;          // that one view counts for: never is one alone believed
+static const int MAX_FRAMES = 3;           // that one view counts for: never is one alone believed
 static const double PUSHED_SHARE = 0.15;   // of the cells changed, and in three quarters of the picture ...
 static const double PUSHED_QUARTER = 0.08; // ... this share at least
 static const double PERSON_M2 = 0.12;      // a child's body that shows in part
@@ -81,7 +84,7 @@ static const double PERSON_HEIGHT_M = 0.7; // lower things are chairs, bags, dog
 static const double MIN_DEPTH_SHARE = 0.1;
 static const double DARK = 40, BRIGHT = 225; // grey levels
 
-void scene_watch_reset(struct scene_watch *w) { memset(w, 0, sizeof *w); }
+void scene_watch_reset(struct scene_watch *watch) { memset(watch, 0, sizeof *watch); }
 
 // Differences below this are noise or the edges of things, millimetres.
 static int tolerance_mm(int mm) { return 40 + (int)(4e3 * depth_sigma_m(mm * 1e-3)); }
@@ -91,7 +94,7 @@ struct grid {
     bool actor[SCENE_CELLS]; // or beside it
 };
 
-static void sample(const struct scene_view *view, struct grid *g)
+static void sample_scene(const struct scene_view *view, struct grid *grid)
 {
     const struct lens *l = &view->calibration->depth;
     bool own[SCENE_CELLS];
@@ -99,37 +102,37 @@ static void sample(const struct scene_view *view, struct grid *g)
         for (int c = 0; c < SCENE_COLUMNS; c++) {
             const int x = (2 * c + 1) * l->width / (2 * SCENE_COLUMNS), y = (2 * r + 1) * l->height / (2 * SCENE_ROWS);
             const int i = y * l->width + x;
-            g->depth[r * SCENE_COLUMNS + c] = view->depth[i];
+            grid->depth[r * SCENE_COLUMNS + c] = view->depth[i];
             own[r * SCENE_COLUMNS + c] = view->mask && view->mask[i];
         }
     // Three cells about the actor's: what the mask leaves out of hands and hair.
     enum { REACH = 3 };
-    memset(g->actor, 0, sizeof g->actor);
+    memset(grid->actor, 0, sizeof grid->actor);
     for (int r = 0; r < SCENE_ROWS; r++)
         for (int c = 0; c < SCENE_COLUMNS; c++)
             if (own[r * SCENE_COLUMNS + c])
                 for (int y = r < REACH ? 0 : r - REACH; y <= r + REACH && y < SCENE_ROWS; y++)
                     for (int x = c < REACH ? 0 : c - REACH; x <= c + REACH && x < SCENE_COLUMNS; x++)
-                        g->actor[y * SCENE_COLUMNS + x] = true;
+                        grid->actor[y * SCENE_COLUMNS + x] = true;
 }
 
-static bool is_frozen(struct scene_watch *w, const struct grid *g, int frames)
+static bool is_frozen(struct scene_watch *watch, const struct grid *grid, int frames)
 {
-    const bool same = w->frames > 0 && !memcmp(g->depth, w->last, sizeof w->last);
-    w->same_frames = same ? w->same_frames + frames : 0;
-    return w->same_frames >= FROZEN_FRAMES;
+    const bool same = watch->frames > 0 && !memcmp(grid->depth, watch->last, sizeof watch->last);
+    watch->same_frames = same ? watch->same_frames + frames : 0;
+    return watch->same_frames >= FROZEN_FRAMES;
 }
 
-static bool is_pushed(struct scene_watch *w, const struct grid *g, int frames)
+static bool is_pushed(struct scene_watch *watch, const struct grid *grid, int frames)
 {
     int all[4] = {0}, changed[4] = {0}, wide = 0;
     for (int i = 0; i < SCENE_CELLS; i++) {
-        if (g->actor[i] || !g->depth[i] || !w->background[i])
+        if (grid->actor[i] || !grid->depth[i] || !watch->background[i])
             continue;
         const int quarter = 2 * (i / SCENE_COLUMNS >= SCENE_ROWS / 2) + (i % SCENE_COLUMNS >= SCENE_COLUMNS / 2);
-        const int off = (int)g->depth[i] - w->background[i];
+        const int off = (int)grid->depth[i] - watch->background[i];
         all[quarter]++;
-        changed[quarter] += off > tolerance_mm(g->depth[i]) || off < -tolerance_mm(w->background[i]);
+        changed[quarter] += off > tolerance_mm(grid->depth[i]) || off < -tolerance_mm(watch->background[i]);
     }
     double sum = 0, sum_changed = 0;
     for (int q = 0; q < 4; q++) {
@@ -138,37 +141,41 @@ static bool is_pushed(struct scene_watch *w, const struct grid *g, int frames)
         wide += all[q] > 0 && changed[q] > PUSHED_QUARTER * all[q];
     }
     const bool moved = wide >= 3 && sum_changed > PUSHED_SHARE * sum;
-    w->moved_frames = moved ? w->moved_frames + frames : 0;
-    return w->moved_frames >= PUSHED_FRAMES;
+    watch->moved_frames = moved ? watch->moved_frames + frames : 0;
+    return watch->moved_frames >= PUSHED_FRAMES;
 }
 
-static void learn(struct scene_watch *w, const struct grid *g, int frames)
+static void learn_background(struct scene_watch *watch, const struct grid *grid, int frames)
 {
     for (int i = 0; i < SCENE_CELLS; i++) {
-        const int z = g->depth[i];
+        const int z = grid->depth[i];
         if (!z)
             continue;
-        const int off = z > w->last[i] ? z - w->last[i] : w->last[i] - z;
-        w->still[i] = (uint16_t)(w->last[i] && off < tolerance_mm(z) && w->still[i] < 60000 ? w->still[i] + frames : 0);
-        if (g->actor[i])
+        const int off = z > watch->last[i] ? z - watch->last[i] : watch->last[i] - z;
+        watch->still[i] =
+            (uint16_t)(watch->last[i] && off < tolerance_mm(z) && watch->still[i] < 60000 ? watch->still[i] + frames
+                                                                                          : 0);
+        if (grid->actor[i])
             continue;
-        const int behind = z - w->background[i];
-        if (!w->background[i] || w->still[i] > STILL_FRAMES || (behind > tolerance_mm(z) && w->still[i] >= SURE_FRAMES))
-            w->background[i] = (uint16_t)z;
+        const int behind = z - watch->background[i];
+        if (!watch->background[i] || watch->still[i] > STILL_FRAMES ||
+            (behind > tolerance_mm(z) && watch->still[i] >= SURE_FRAMES))
+            watch->background[i] = (uint16_t)z;
         else if (behind > -tolerance_mm(z) && behind < tolerance_mm(z)) // its mean: a maximum would grow with the noise
-            w->background[i] = (uint16_t)(w->background[i] + behind / 4);
+            watch->background[i] = (uint16_t)(watch->background[i] + behind / 4);
     }
 }
 
 // The largest connected piece in front of the background, as a person would be: by flood fill on the grid.
-static bool shows_person(const struct scene_watch *w, const struct grid *g, const struct lens *l)
+static bool shows_person(const struct scene_watch *watch, const struct grid *grid, const struct lens *lens)
 {
     bool front[SCENE_CELLS];
     int16_t stack[SCENE_CELLS];
-    const double cell_w = (double)l->width / SCENE_COLUMNS / l->fx, cell_h = (double)l->height / SCENE_ROWS / l->fy;
+    const double cell_w = (double)lens->width / SCENE_COLUMNS / lens->fx,
+                 cell_h = (double)lens->height / SCENE_ROWS / lens->fy;
     for (int i = 0; i < SCENE_CELLS; i++)
-        front[i] = !g->actor[i] && g->depth[i] && w->background[i] &&
-                   g->depth[i] + 2 * tolerance_mm(w->background[i]) < w->background[i];
+        front[i] = !grid->actor[i] && grid->depth[i] && watch->background[i] &&
+                   grid->depth[i] + 2 * tolerance_mm(watch->background[i]) < watch->background[i];
     for (int start = 0; start < SCENE_CELLS; start++) {
         int top = 0, first_row = SCENE_ROWS, last_row = 0;
         double area = 0, depth = 0, count = 0;
@@ -178,7 +185,7 @@ static bool shows_person(const struct scene_watch *w, const struct grid *g, cons
         stack[top++] = (int16_t)start;
         while (top) {
             const int i = stack[--top], r = i / SCENE_COLUMNS, c = i % SCENE_COLUMNS;
-            const double z = g->depth[i] * 1e-3;
+            const double z = grid->depth[i] * 1e-3;
             area += z * z * cell_w * cell_h;
             depth += z;
             count++;
@@ -200,14 +207,15 @@ static bool shows_person(const struct scene_watch *w, const struct grid *g, cons
 
 static double mean_luma(const struct scene_view *view)
 {
-    const struct calibration *k = view->calibration;
-    const struct lens *l = &k->color;
+    const struct calibration *calibration = view->calibration;
+    const struct lens *l = &calibration->color;
     double sum = 0, count = 0;
-    const bool masked = view->mask && k->registered && k->depth.width > 0;
+    const bool masked = view->mask && calibration->registered && calibration->depth.width > 0;
     for (int y = 4; y < l->height; y += 8)
         for (int x = 4; x < l->width; x += 8) {
             const uint8_t *rgb = view->color + 3 * (y * l->width + x);
-            if (masked && !view->mask[y * k->depth.height / l->height * k->depth.width + x * k->depth.width / l->width])
+            if (masked && !view->mask[y * calibration->depth.height / l->height * calibration->depth.width +
+                                      x * calibration->depth.width / l->width])
                 continue;
             sum += 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
             count++;
@@ -215,7 +223,7 @@ static double mean_luma(const struct scene_view *view)
     return count > 0 ? sum / count : -1;
 }
 
-static void scene_watch_next(struct scene_watch *w, const struct scene_view *view, struct scene_state *out)
+static void scene_watch_next(struct scene_watch *watch, const struct scene_view *view, struct scene_state *out)
 {
     *out = (struct scene_state){.luma = -1};
     if (view->color) {
@@ -227,23 +235,23 @@ static void scene_watch_next(struct scene_watch *w, const struct scene_view *vie
         return;
     struct grid g;
     int valid = 0;
-    const int frames = view->skipped < MOST_FRAMES ? view->skipped + 1 : MOST_FRAMES;
-    sample(view, &g);
+    const int frames = view->skipped < MAX_FRAMES ? view->skipped + 1 : MAX_FRAMES;
+    sample_scene(view, &g);
     for (int i = 0; i < SCENE_CELLS; i++)
         valid += g.depth[i] != 0;
     out->no_depth = valid < MIN_DEPTH_SHARE * SCENE_CELLS;
-    out->frozen = is_frozen(w, &g, frames) && !out->no_depth;
-    out->pushed = is_pushed(w, &g, frames);
+    out->frozen = is_frozen(watch, &g, frames) && !out->no_depth;
+    out->pushed = is_pushed(watch, &g, frames);
     if (out->pushed) { // everything is learned again
-        memset(w->background, 0, sizeof w->background);
-        memset(w->still, 0, sizeof w->still);
-        w->moved_frames = 0;
+        memset(watch->background, 0, sizeof watch->background);
+        memset(watch->still, 0, sizeof watch->still);
+        watch->moved_frames = 0;
     }
-    out->second_person = shows_person(w, &g, &view->calibration->depth);
-    if (!w->moved_frames)
-        learn(w, &g, frames);
-    memcpy(w->last, g.depth, sizeof w->last);
-    w->frames += frames;
+    out->second_person = shows_person(watch, &g, &view->calibration->depth);
+    if (!watch->moved_frames)
+        learn_background(watch, &g, frames);
+    memcpy(watch->last, g.depth, sizeof watch->last);
+    watch->frames += frames;
 }
 
 // ---------------------------------------------------------------- pose advice
@@ -260,7 +268,7 @@ static const double PATIENCE_S = 8;
 static const double SOLE_COSINE = 0.5, SOLE_SEEN = 0.5; // of the shin against straight down; share of the sole
 enum { SOLE_TIMES = 10 };                               // a second, at one call in three frames
 
-static bool faced(const uint32_t facing[SURFACE_ANGLES], int sector)
+static bool is_sector_faced(const uint32_t facing[SURFACE_ANGLES], int sector)
 {
     uint32_t frames = 0;
     for (int k = -FACED_REACH; k <= FACED_REACH; k++)
@@ -289,26 +297,26 @@ struct missing {
     double turn[SURFACE_ANGLES], turn_sum, arms, legs;
 };
 
-static struct missing missing_of(const struct coverage *c, const struct advisor *a)
+static struct missing missing_of(const struct coverage *coverage, const struct advisor *advisor)
 {
     struct missing m = {.turn_sum = 0};
     double all = 0;
     for (int p = 0; p < SURFACE_PARTS; p++)
         for (int h = 0; h < SURFACE_HEIGHTS; h++)
             for (int k = 0; k < SURFACE_ANGLES; k++) {
-                const double area = coverage_cell_area(c, p, h, k);
+                const double area = coverage_cell_area(coverage, p, h, k);
                 const struct vec3 rest = surface_rest_direction(p, h, k);
                 const bool level = portable_hypot(rest.x, rest.y) > 0.7;
                 const int sector = sector_of(rest);
                 all += area;
-                if (area <= 0 || coverage_cell_seen(c, p, h, k))
+                if (area <= 0 || coverage_cell_seen(coverage, p, h, k))
                     continue;
-                if (level && !faced(c->facing, sector)) {
+                if (level && !is_sector_faced(coverage->facing, sector)) {
                     m.turn[sector] += area;
                     m.turn_sum += area;
-                } else if (a && needs_arms(p, k) && !faced(a->lifted, sector)) {
+                } else if (advisor && needs_arms(p, k) && !is_sector_faced(advisor->lifted, sector)) {
                     m.arms += area;
-                } else if (a && needs_legs(p) && !faced(a->spread, sector)) {
+                } else if (advisor && needs_legs(p) && !is_sector_faced(advisor->spread, sector)) {
                     m.legs += area;
                 }
             }
@@ -322,24 +330,24 @@ static struct missing missing_of(const struct coverage *c, const struct advisor 
     return m;
 }
 
-double advisor_turn_share(const struct coverage *c) { return missing_of(c, NULL).turn_sum; }
+double advisor_turn_share(const struct coverage *coverage) { return missing_of(coverage, NULL).turn_sum; }
 
 // By the mean of what is missing, seen from where the camera is now: a turn to the left by d brings the body's angle
 // (camera - d) before the camera. A turn once begun is kept, so that the advice does not swing.
-static enum pose_advice turn_advice(const struct advisor *a, const struct missing *m, double facing)
+static enum pose_advice turn_advice(const struct advisor *advisor, const struct missing *missing, double facing)
 {
     double left = 0, right = 0; // what the first half turn to either side would show, the nearest first
     for (int k = 0; k < SURFACE_ANGLES; k++) {
         double d = facing - k * 2 * PI / SURFACE_ANGLES;
         d -= 2 * PI * floor((d + PI) / (2 * PI));
         if (d > 0)
-            left += m->turn[k] / (0.3 + d);
+            left += missing->turn[k] / (0.3 + d);
         else
-            right += m->turn[k] / (0.3 - d);
+            right += missing->turn[k] / (0.3 - d);
     }
-    if (a->last == ADVICE_TURN_LEFT)
+    if (advisor->last == ADVICE_TURN_LEFT)
         left *= 4;
-    if (a->last == ADVICE_TURN_RIGHT)
+    if (advisor->last == ADVICE_TURN_RIGHT)
         right *= 4;
     return left >= right ? ADVICE_TURN_LEFT : ADVICE_TURN_RIGHT;
 }
@@ -349,24 +357,24 @@ static bool arm_lifted(const struct surface_pose *pose, int part)
     return pose->part[part].known && -v3_dot(pose->part[part].z, pose->up) < LIFTED_COSINE;
 }
 
-static void note_pose(struct advisor *a, const struct surface_pose *pose)
+static void note_pose(struct advisor *advisor, const struct surface_pose *pose)
 {
-    const struct surface_frame *l = &pose->part[PART_LEFT_THIGH], *r = &pose->part[PART_RIGHT_THIGH];
+    const struct surface_frame *frame = &pose->part[PART_LEFT_THIGH], *r = &pose->part[PART_RIGHT_THIGH];
     const int sector =
         (int)floor(coverage_facing(pose) / (2 * PI) * SURFACE_ANGLES + SURFACE_ANGLES + 0.5) % SURFACE_ANGLES;
     if (arm_lifted(pose, PART_LEFT_UPPER_ARM) && arm_lifted(pose, PART_RIGHT_UPPER_ARM))
-        a->lifted[sector]++;
-    if (l->known && r->known && v3_dot(l->z, r->z) < SPREAD_COSINE)
-        a->spread[sector]++;
+        advisor->lifted[sector]++;
+    if (frame->known && r->known && v3_dot(frame->z, r->z) < SPREAD_COSINE)
+        advisor->spread[sector]++;
     // Down is the sensor's, which stands within some degrees of level.
     for (int k = 0; k < 2; k++) {
         const struct surface_frame *shin = &pose->part[k ? PART_RIGHT_SHIN : PART_LEFT_SHIN];
-        a->soles[k] += shin->known && shin->z.y < SOLE_COSINE;
+        advisor->soles[k] += shin->known && shin->z.y < SOLE_COSINE;
     }
 }
 
 // Whether a sole was turned to the side for a while and was not seen: then a picture from there has to show it.
-static bool needs_soles(const struct advisor *a, const struct coverage *c)
+static bool needs_soles(const struct advisor *advisor, const struct coverage *coverage)
 {
     for (int k = 0; k < 2; k++) {
         const int foot = k ? SURFACE_RIGHT_FOOT : SURFACE_LEFT_FOOT;
@@ -375,22 +383,22 @@ static bool needs_soles(const struct advisor *a, const struct coverage *c)
             for (int angle = 0; angle < SURFACE_ANGLES; angle++) {
                 if (portable_cos(surface_angle(angle)) > -0.5) // a foot's own front is up
                     continue;
-                const double area = coverage_cell_area(c, foot, h, angle);
+                const double area = coverage_cell_area(coverage, foot, h, angle);
                 all += area;
-                seen += coverage_cell_seen(c, foot, h, angle) ? area : 0;
+                seen += coverage_cell_seen(coverage, foot, h, angle) ? area : 0;
             }
-        if (a->soles[k] >= SOLE_TIMES && seen < SOLE_SEEN * all)
+        if (advisor->soles[k] >= SOLE_TIMES && seen < SOLE_SEEN * all)
             return true;
     }
     return false;
 }
 
 // A pose that is not taken is not asked for for ever.
-static enum pose_advice ask(struct advisor *a, enum pose_advice wanted, int64_t time_ns, bool *refused)
+static enum pose_advice request_pose(struct advisor *advisor, enum pose_advice wanted, int64_t time_ns, bool *refused)
 {
-    if (a->last != wanted)
-        a->asked_ns = time_ns;
-    else if ((double)(time_ns - a->asked_ns) * 1e-9 > PATIENCE_S)
+    if (advisor->last != wanted)
+        advisor->asked_ns = time_ns;
+    else if ((double)(time_ns - advisor->asked_ns) * 1e-9 > PATIENCE_S)
         *refused = true;
     return wanted;
 }
@@ -406,11 +414,11 @@ enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const
     if (m.turn_sum > TURN_SHARE)
         advice = turn_advice(a, &m, coverage_facing(&pose));
     else if (m.arms > POSE_SHARE && !a->lift_refused)
-        advice = ask(a, ADVICE_LIFT_ARMS, time_ns, &a->lift_refused);
+        advice = request_pose(a, ADVICE_LIFT_ARMS, time_ns, &a->lift_refused);
     else if (m.legs > POSE_SHARE && !a->spread_refused)
-        advice = ask(a, ADVICE_SPREAD_LEGS, time_ns, &a->spread_refused);
+        advice = request_pose(a, ADVICE_SPREAD_LEGS, time_ns, &a->spread_refused);
     else if (!a->soles_refused && needs_soles(a, c))
-        advice = ask(a, ADVICE_SHOW_SOLES, time_ns, &a->soles_refused);
+        advice = request_pose(a, ADVICE_SHOW_SOLES, time_ns, &a->soles_refused);
     a->last = advice;
     return advice;
 }
@@ -455,30 +463,30 @@ static const char *const advice_texts[] = {
 
 const char *coach_fault_text(enum coach_fault fault) { return fault_texts[fault]; }
 
-void coach_start(struct coach *c, const struct calibration *calibration, enum verdict_purpose purpose)
+void coach_start(struct coach *coach, const struct calibration *calibration, enum verdict_purpose purpose)
 {
-    memset(c, 0, sizeof *c);
-    c->purpose = purpose;
-    c->calibration = *calibration;
-    scene_watch_reset(&c->scene);
-    coverage_reset(&c->coverage);
+    memset(coach, 0, sizeof *coach);
+    coach->purpose = purpose;
+    coach->calibration = *calibration;
+    scene_watch_reset(&coach->scene);
+    coverage_reset(&coach->coverage);
     for (int f = 0; f < FAULT_COUNT; f++)
-        c->fault[f].first_s = -1;
-    snprintf(c->text, sizeof c->text, "%s", "looking");
+        coach->fault[f].first_s = -1;
+    snprintf(coach->text, sizeof coach->text, "%s", "looking");
 }
 
 // ---------------------------------------------------------------- faults
 
-static void note_fault(struct coach *c, enum coach_fault fault, bool there, int64_t time_ns, bool at_once)
+static void note_fault(struct coach *coach, enum coach_fault fault, bool there, int64_t time_ns, bool at_once)
 {
-    struct coach_fault_record *r = &c->fault[fault];
-    const double now_s = (double)(time_ns - c->first_ns) * 1e-9;
+    struct coach_fault_record *r = &coach->fault[fault];
+    const double now_s = (double)(time_ns - coach->first_ns) * 1e-9;
     if (there) {
         r->missed_ns = 0;
         r->seen_ns = r->seen_ns ? r->seen_ns : time_ns;
         if (!r->raised && (at_once || (double)(time_ns - r->seen_ns) * 1e-9 >= RAISE_S)) {
             r->raised = true;
-            r->raised_s = (double)(r->seen_ns - c->first_ns) * 1e-9;
+            r->raised_s = (double)(r->seen_ns - coach->first_ns) * 1e-9;
             r->first_s = r->first_s < 0 ? r->raised_s : r->first_s;
         }
     } else {
@@ -490,7 +498,7 @@ static void note_fault(struct coach *c, enum coach_fault fault, bool there, int6
         }
     }
     if (r->raised) {
-        r->total_s += (double)(time_ns - c->last_ns) * 1e-9;
+        r->total_s += (double)(time_ns - coach->last_ns) * 1e-9;
         if (now_s - r->raised_s > r->longest_s) {
             r->longest_s = now_s - r->raised_s;
             r->longest_from_s = r->raised_s;
@@ -499,17 +507,17 @@ static void note_fault(struct coach *c, enum coach_fault fault, bool there, int6
 }
 
 // Median over the known joints of how far each moves in the colour image while it is exposed, pixels.
-static double blur_of(const struct coach *c, const struct coach_frame *frame)
+static double blur_of(const struct coach *coach, const struct coach_frame *frame)
 {
-    const double passed_s = (double)(frame->time_ns - c->last_ns) * 1e-9;
+    const double passed_s = (double)(frame->time_ns - coach->last_ns) * 1e-9;
     double sorted[JOINT_COUNT];
     int count = 0;
-    if (!c->has_last || passed_s <= 0)
+    if (!coach->has_last || passed_s <= 0)
         return 0;
-    const double focal = c->calibration.color.width ? c->calibration.color.fx : c->calibration.depth.fx;
+    const double focal = coach->calibration.color.width ? coach->calibration.color.fx : coach->calibration.depth.fx;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        const struct vec3 now = frame->skeleton->joint[j], before = c->last_skeleton.joint[j];
-        if (frame->skeleton->confidence[j] <= 0 || c->last_skeleton.confidence[j] <= 0 || now.z < 0.3)
+        const struct vec3 now = frame->skeleton->joint[j], before = coach->last_skeleton.joint[j];
+        if (frame->skeleton->confidence[j] <= 0 || coach->last_skeleton.confidence[j] <= 0 || now.z < 0.3)
             continue;
         const double dx = now.x - before.x, dy = now.y - before.y;
         const double px = sqrt(dx * dx + dy * dy) / passed_s * EXPOSURE_S * focal / now.z;
@@ -521,100 +529,100 @@ static double blur_of(const struct coach *c, const struct coach_frame *frame)
     return count ? sorted[count / 2] : 0;
 }
 
-static void look(struct coach *c, const struct coach_frame *frame)
+static void update_scene(struct coach *coach, const struct coach_frame *frame)
 {
-    const struct scene_state before = c->said;
-    const struct scene_view view = {&c->calibration, frame->color, frame->depth, frame->mask, c->unread_frames};
-    c->unread_frames = 0;
-    scene_watch_next(&c->scene, &view, &c->said);
+    const struct scene_state before = coach->said;
+    const struct scene_view view = {&coach->calibration, frame->color, frame->depth, frame->mask, coach->unread_frames};
+    coach->unread_frames = 0;
+    scene_watch_next(&coach->scene, &view, &coach->said);
     if (frame->unread == UNREAD_COLOR) {
-        c->said.luma = before.luma;
-        c->said.dark = before.dark;
-        c->said.bright = before.bright;
+        coach->said.luma = before.luma;
+        coach->said.dark = before.dark;
+        coach->said.bright = before.bright;
     } else {
-        c->no_color = c->calibration.color.width > 0 && !frame->color;
+        coach->no_color = coach->calibration.color.width > 0 && !frame->color;
     }
 }
 
-static void note_scene(struct coach *c, const struct coach_frame *frame)
+static void note_scene(struct coach *coach, const struct coach_frame *frame)
 {
     if (frame->unread == UNREAD_ALL)
-        c->unread_frames++;
+        coach->unread_frames++;
     else
-        look(c, frame);
-    const struct scene_state s = c->said;
-    const bool moved = frame->sensor_moves > c->sensor_moves;
-    c->sensor_moves = frame->sensor_moves;
-    c->luma = s.luma;
-    const double step_s = frame->step_s > 0 ? frame->step_s : (double)(frame->time_ns - c->last_ns) * 1e-9;
-    const bool late = c->frames > 0 && step_s > SLOW_S;
-    c->slow_frames += late ? c->slow_frames < SLOW_FRAMES : -(c->slow_frames > 0);
-    note_fault(c, FAULT_SLOW, c->slow_frames >= SLOW_FRAMES, frame->time_ns, false);
-    note_fault(c, FAULT_FROZEN, s.frozen, frame->time_ns, false);
-    note_fault(c, FAULT_NO_COLOR, c->no_color, frame->time_ns, false);
-    note_fault(c, FAULT_NO_DEPTH, s.no_depth, frame->time_ns, false);
-    note_fault(c, FAULT_DEPTH_WRONG, frame->depth_scale > 0 && fabs(frame->depth_scale - 1) > DEPTH_WRONG,
+        update_scene(coach, frame);
+    const struct scene_state s = coach->said;
+    const bool moved = frame->sensor_moves > coach->sensor_moves;
+    coach->sensor_moves = frame->sensor_moves;
+    coach->luma = s.luma;
+    const double step_s = frame->step_s > 0 ? frame->step_s : (double)(frame->time_ns - coach->last_ns) * 1e-9;
+    const bool late = coach->frames > 0 && step_s > SLOW_S;
+    coach->slow_frames += late ? coach->slow_frames < SLOW_FRAMES : -(coach->slow_frames > 0);
+    note_fault(coach, FAULT_SLOW, coach->slow_frames >= SLOW_FRAMES, frame->time_ns, false);
+    note_fault(coach, FAULT_FROZEN, s.frozen, frame->time_ns, false);
+    note_fault(coach, FAULT_NO_COLOR, coach->no_color, frame->time_ns, false);
+    note_fault(coach, FAULT_NO_DEPTH, s.no_depth, frame->time_ns, false);
+    note_fault(coach, FAULT_DEPTH_WRONG, frame->depth_scale > 0 && fabs(frame->depth_scale - 1) > DEPTH_WRONG,
                frame->time_ns, false);
-    note_fault(c, FAULT_DARK, s.dark, frame->time_ns, false);
-    note_fault(c, FAULT_BRIGHT, s.bright, frame->time_ns, false);
-    note_fault(c, FAULT_SENSOR_PUSHED, moved || s.pushed, frame->time_ns, true);
-    note_fault(c, FAULT_SECOND_PERSON, s.second_person, frame->time_ns, false);
+    note_fault(coach, FAULT_DARK, s.dark, frame->time_ns, false);
+    note_fault(coach, FAULT_BRIGHT, s.bright, frame->time_ns, false);
+    note_fault(coach, FAULT_SENSOR_PUSHED, moved || s.pushed, frame->time_ns, true);
+    note_fault(coach, FAULT_SECOND_PERSON, s.second_person, frame->time_ns, false);
 }
 
-static void note_person(struct coach *c, const struct coach_frame *frame)
+static void note_person(struct coach *coach, const struct coach_frame *frame)
 {
     const bool unread = frame->unread == UNREAD_ALL,
                there = frame->skeleton && (unread || (frame->mask && frame->depth));
-    const struct framing_view in_view = {&c->calibration, frame->mask, frame->skeleton};
+    const struct framing_view in_view = {&coach->calibration, frame->mask, frame->skeleton};
     if (!there)
-        c->framing = (struct framing){.distance_m = 0};
+        coach->framing = (struct framing){.distance_m = 0};
     else if (!unread)
-        c->framing = framing_of(&in_view);
-    const struct framing f = c->framing;
-    c->blur_px = there ? blur_of(c, frame) : 0;
-    c->distance_m = f.distance_m;
-    note_fault(c, FAULT_NO_PERSON, !there, frame->time_ns, false);
-    note_fault(c, FAULT_FEET_OUTSIDE, f.feet_outside, frame->time_ns, false);
-    note_fault(c, FAULT_HEAD_OUTSIDE, f.head_outside, frame->time_ns, false);
-    note_fault(c, FAULT_SIDE_OUTSIDE, f.side_outside, frame->time_ns, false);
-    note_fault(c, FAULT_TOO_NEAR, f.too_near, frame->time_ns, false);
-    note_fault(c, FAULT_TOO_FAR, f.too_far, frame->time_ns, false);
-    note_fault(c, FAULT_BLUR, c->blur_px > BLUR_PX, frame->time_ns, false);
-    c->has_last = there;
+        coach->framing = framing_of(&in_view);
+    const struct framing f = coach->framing;
+    coach->blur_px = there ? blur_of(coach, frame) : 0;
+    coach->distance_m = f.distance_m;
+    note_fault(coach, FAULT_NO_PERSON, !there, frame->time_ns, false);
+    note_fault(coach, FAULT_FEET_OUTSIDE, f.feet_outside, frame->time_ns, false);
+    note_fault(coach, FAULT_HEAD_OUTSIDE, f.head_outside, frame->time_ns, false);
+    note_fault(coach, FAULT_SIDE_OUTSIDE, f.side_outside, frame->time_ns, false);
+    note_fault(coach, FAULT_TOO_NEAR, f.too_near, frame->time_ns, false);
+    note_fault(coach, FAULT_TOO_FAR, f.too_far, frame->time_ns, false);
+    note_fault(coach, FAULT_BLUR, coach->blur_px > BLUR_PX, frame->time_ns, false);
+    coach->has_last = there;
     if (!there)
         return;
-    c->last_skeleton = *frame->skeleton;
-    const struct coverage_view view = {&c->calibration, frame->depth, frame->mask, frame->skeleton, c->blur_px};
-    if (coverage_add(&c->coverage, &view) && !unread && c->coverage.looks % ADVICE_EVERY == 1) {
-        if (c->purpose != PURPOSE_COMPARE)
-            c->advice = advisor_next(&c->advisor, &c->coverage, frame->skeleton, frame->time_ns);
-        c->share = coverage_share(&c->coverage);
+    coach->last_skeleton = *frame->skeleton;
+    const struct coverage_view view = {&coach->calibration, frame->depth, frame->mask, frame->skeleton, coach->blur_px};
+    if (coverage_add(&coach->coverage, &view) && !unread && coach->coverage.looks % ADVICE_EVERY == 1) {
+        if (coach->purpose != PURPOSE_COMPARE)
+            coach->advice = advisor_next(&coach->advisor, &coach->coverage, frame->skeleton, frame->time_ns);
+        coach->share = coverage_share(&coach->coverage);
     }
 }
 
-void coach_next(struct coach *c, const struct coach_frame *frame)
+void coach_next(struct coach *coach, const struct coach_frame *frame)
 {
-    if (!c->frames)
-        c->first_ns = c->last_ns = frame->time_ns;
-    note_scene(c, frame);
-    note_person(c, frame);
-    c->last_ns = frame->time_ns;
-    c->frames++;
-    const char *said = c->coverage.frames ? advice_texts[c->advice] : "looking for a person";
-    if (c->coverage.frames && c->purpose == PURPOSE_COMPARE)
+    if (!coach->frames)
+        coach->first_ns = coach->last_ns = frame->time_ns;
+    note_scene(coach, frame);
+    note_person(coach, frame);
+    coach->last_ns = frame->time_ns;
+    coach->frames++;
+    const char *said = coach->coverage.frames ? advice_texts[coach->advice] : "looking for a person";
+    if (coach->coverage.frames && coach->purpose == PURPOSE_COMPARE)
         said = "nothing is in the way";
     for (int f = FAULT_COUNT - 1; f >= 0; f--)
-        if (c->fault[f].raised)
+        if (coach->fault[f].raised)
             said = fault_texts[f];
-    snprintf(c->text, sizeof c->text, "%s", said);
+    snprintf(coach->text, sizeof coach->text, "%s", said);
 }
 
-const char *coach_text(const struct coach *c) { return c->text; }
+const char *coach_text(const struct coach *coach) { return coach->text; }
 
-bool coach_any_fault(const struct coach *c)
+bool coach_any_fault(const struct coach *coach)
 {
     bool any = false;
     for (int f = 0; f < FAULT_COUNT; f++)
-        any |= c->fault[f].raised;
+        any |= coach->fault[f].raised;
     return any;
 }

@@ -8,9 +8,9 @@
 // nothing. Times are the frames' own.
 #pragma once
 #include "base/lens.h"
-#include "recording/skeleton.h"
 #include "capture/coaching/coverage.h"
 #include "recording/recorded_verdict.h"
+#include "recording/skeleton.h"
 
 // ---------------------------------------------------------------- framing
 
@@ -58,7 +58,7 @@ struct scene_state {
     double luma; // mean grey level of the actor, else of the picture; -1: no colour
 };
 
-void scene_watch_reset(struct scene_watch *w);
+void scene_watch_reset(struct scene_watch *watch);
 
 // ---------------------------------------------------------------- pose advice
 
@@ -92,7 +92,7 @@ struct advisor {
 enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const struct skeleton *s, int64_t time_ns);
 
 // Share of the surface that a turn would still show.
-double advisor_turn_share(const struct coverage *c);
+double advisor_turn_share(const struct coverage *coverage);
 
 // ---------------------------------------------------------------- coach
 
@@ -159,15 +159,15 @@ struct coach_frame {
     enum coach_unread unread;        // these images are NULL and not missed
 };
 
-void coach_start(struct coach *c, const struct calibration *calibration, enum verdict_purpose purpose);
-void coach_next(struct coach *c, const struct coach_frame *frame);
+void coach_start(struct coach *coach, const struct calibration *calibration, enum verdict_purpose purpose);
+void coach_next(struct coach *coach, const struct coach_frame *frame);
 
 // The sentence for the frame before: the worst fault, else what to do next, else that all is seen. Never empty.
-const char *coach_text(const struct coach *c);
-bool coach_any_fault(const struct coach *c); // one is raised now
+const char *coach_text(const struct coach *coach);
+bool coach_any_fault(const struct coach *coach); // one is raised now
 
 // What the coach saw, in sentences; for the purpose that it was started with.
-void coach_verdict(const struct coach *c, struct take_verdict *out);
+void coach_verdict(const struct coach *coach, struct take_verdict *out);
 
 // The outline (intersection over union) that the take's picture is expected to have all round; 0: no person.
-double coach_grade(const struct coach *c);
+double coach_grade(const struct coach *coach);

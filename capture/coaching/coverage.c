@@ -39,20 +39,27 @@ double surface_default_radius(int part) { return parts[part].radius_m; }
 
 double surface_angle(int angle) { return (angle + 0.5) * 2 * PI / SURFACE_ANGLES; }
 
-static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+static bool is_joint_known(const struct skeleton *skeleton, enum joint joint)
+{
+    return skeleton->confidence[joint] > 0;
+}
 
-static struct vec3 across(struct vec3 v, struct vec3 unit) { return v3_sub(v, v3_scale(unit, v3_dot(v, unit))); }
+static struct vec3 perpendicular_component(struct vec3 v, struct vec3 unit)
+{
+    return v3_sub(v, v3_scale(unit, v3_dot(v, unit)));
+}
 
 // The trunk's axes from its joints; `weight` of the shoulders against the hips, since it may be twisted.
-static bool trunk_front(const struct skeleton *s, struct vec3 down, double weight, struct vec3 *left,
+static bool trunk_front(const struct skeleton *skeleton, struct vec3 down, double weight, struct vec3 *left,
                         struct vec3 *front)
 {
     struct vec3 sum = v3(0, 0, 0);
-    if (known(s, JOINT_LEFT_SHOULDER) && known(s, JOINT_RIGHT_SHOULDER))
-        sum = v3_scale(v3_unit(v3_sub(s->joint[JOINT_LEFT_SHOULDER], s->joint[JOINT_RIGHT_SHOULDER])), weight);
-    if (known(s, JOINT_LEFT_HIP) && known(s, JOINT_RIGHT_HIP))
-        sum = v3_add(sum, v3_unit(v3_sub(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP])));
-    sum = across(sum, down);
+    if (is_joint_known(skeleton, JOINT_LEFT_SHOULDER) && is_joint_known(skeleton, JOINT_RIGHT_SHOULDER))
+        sum = v3_scale(v3_unit(v3_sub(skeleton->joint[JOINT_LEFT_SHOULDER], skeleton->joint[JOINT_RIGHT_SHOULDER])),
+                       weight);
+    if (is_joint_known(skeleton, JOINT_LEFT_HIP) && is_joint_known(skeleton, JOINT_RIGHT_HIP))
+        sum = v3_add(sum, v3_unit(v3_sub(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP])));
+    sum = perpendicular_component(sum, down);
     if (v3_length(sum) < 0.05)
         return false;
     *left = v3_unit(sum);
@@ -70,7 +77,7 @@ static struct surface_frame frame_of(struct vec3 from, struct vec3 to, struct ve
         return f;
     f.z = v3_unit(along);
     const struct vec3 carried = part == PART_HEAD ? front : quat_rotate(quat_between(down, f.z), front);
-    f.y = v3_unit(across(carried, f.z));
+    f.y = v3_unit(perpendicular_component(carried, f.z));
     f.x = part == PART_HEAD ? v3_cross(f.z, f.y) : v3_cross(f.y, f.z);
     f.from = -parts[part].before * f.length;
     f.to = (1 + parts[part].beyond) * f.length;
@@ -90,33 +97,33 @@ static const struct hinge {
     {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, PART_RIGHT_THIGH, PART_RIGHT_SHIN, -1},
 };
 
-static void turn_to(struct surface_frame *f, struct vec3 front, double share)
+static void turn_to(struct surface_frame *frame, struct vec3 front, double share)
 {
-    f->y = v3_unit(across(v3_mix(f->y, front, share), f->z));
-    f->x = v3_cross(f->y, f->z);
+    frame->y = v3_unit(perpendicular_component(v3_mix(frame->y, front, share), frame->z));
+    frame->x = v3_cross(frame->y, frame->z);
 }
 
 // Blended in from 15 to 45 degrees of bend, as the direction becomes certain.
-static void turn_by_hinge(const struct hinge *h, struct surface_pose *out)
+static void turn_by_hinge(const struct hinge *hinge, struct surface_pose *out)
 {
-    struct surface_frame *upper = &out->part[h->upper], *lower = &out->part[h->lower];
+    struct surface_frame *upper = &out->part[hinge->upper], *lower = &out->part[hinge->lower];
     if (!upper->known || !lower->known)
         return;
     const double bend = portable_acos(fmax(-1, fmin(1, v3_dot(upper->z, lower->z))));
     const double share = fmin(fmax((bend - 0.26) / 0.52, 0), 1);
     if (share <= 0)
         return;
-    turn_to(upper, v3_scale(v3_unit(across(lower->z, upper->z)), h->sign), share);
-    turn_to(lower, v3_scale(v3_unit(across(upper->z, lower->z)), -h->sign), share);
+    turn_to(upper, v3_scale(v3_unit(perpendicular_component(lower->z, upper->z)), hinge->sign), share);
+    turn_to(lower, v3_scale(v3_unit(perpendicular_component(upper->z, lower->z)), -hinge->sign), share);
 }
 
-static void add_foot(const struct skeleton *s, int part, const struct surface_frame *shin, enum joint ankle,
+static void add_foot(const struct skeleton *skeleton, int part, const struct surface_frame *shin, enum joint ankle,
                      struct surface_pose *out)
 {
-    if (!shin->known || !known(s, ankle))
+    if (!shin->known || !is_joint_known(skeleton, ankle))
         return;
     // The joint is the ankle; the foot points to the shin's front, 0.13 m to the ball of an average adult's.
-    const struct vec3 from = v3_add(s->joint[ankle], v3_scale(shin->z, 0.05 * out->scale)),
+    const struct vec3 from = v3_add(skeleton->joint[ankle], v3_scale(shin->z, 0.05 * out->scale)),
                       to = v3_add(from, v3_scale(shin->y, 0.1 * out->scale));
     struct surface_frame f = {.known = true, .origin = from, .z = shin->y, .length = v3_distance(from, to)};
     f.y = v3_scale(shin->z, -1); // the instep is the front, the sole the back
@@ -126,15 +133,15 @@ static void add_foot(const struct skeleton *s, int part, const struct surface_fr
     out->part[part] = f;
 }
 
-bool surface_pose_of(const struct skeleton *s, struct surface_pose *out)
+bool surface_pose_of(const struct skeleton *skeleton, struct surface_pose *out)
 {
     *out = (struct surface_pose){0};
-    if (!known(s, JOINT_NECK) || !known(s, JOINT_WAIST))
+    if (!is_joint_known(skeleton, JOINT_NECK) || !is_joint_known(skeleton, JOINT_WAIST))
         return false;
-    const struct vec3 trunk = v3_sub(s->joint[JOINT_WAIST], s->joint[JOINT_NECK]), down = v3_unit(trunk);
+    const struct vec3 trunk = v3_sub(skeleton->joint[JOINT_WAIST], skeleton->joint[JOINT_NECK]), down = v3_unit(trunk);
     struct vec3 hip_left, hip_front;
-    if (v3_length(trunk) < 0.1 || !trunk_front(s, down, 4, &out->left, &out->front) ||
-        !trunk_front(s, down, 0.25, &hip_left, &hip_front))
+    if (v3_length(trunk) < 0.1 || !trunk_front(skeleton, down, 4, &out->left, &out->front) ||
+        !trunk_front(skeleton, down, 0.25, &hip_left, &hip_front))
         return false;
     out->known = true;
     out->up = v3_scale(down, -1);
@@ -142,23 +149,24 @@ bool surface_pose_of(const struct skeleton *s, struct surface_pose *out)
     for (int p = 0; p < PART_COUNT; p++) {
         const enum joint from = part_ends[p].from, to = part_ends[p].to;
         const bool lower = p == PART_LOWER_TORSO || p >= PART_LEFT_THIGH;
-        if (known(s, from) && known(s, to))
-            out->part[p] = frame_of(s->joint[from], s->joint[to], down, lower ? hip_front : out->front, p);
+        if (is_joint_known(skeleton, from) && is_joint_known(skeleton, to))
+            out->part[p] =
+                frame_of(skeleton->joint[from], skeleton->joint[to], down, lower ? hip_front : out->front, p);
     }
     for (size_t i = 0; i < COUNT_OF(hinges); i++)
         turn_by_hinge(&hinges[i], out);
-    add_foot(s, SURFACE_LEFT_FOOT, &out->part[PART_LEFT_SHIN], JOINT_LEFT_FOOT, out);
-    add_foot(s, SURFACE_RIGHT_FOOT, &out->part[PART_RIGHT_SHIN], JOINT_RIGHT_FOOT, out);
+    add_foot(skeleton, SURFACE_LEFT_FOOT, &out->part[PART_LEFT_SHIN], JOINT_LEFT_FOOT, out);
+    add_foot(skeleton, SURFACE_RIGHT_FOOT, &out->part[PART_RIGHT_SHIN], JOINT_RIGHT_FOOT, out);
     return true;
 }
 
 // Signed distance of a point from a part's tube; *along: metres from the bone's first joint.
-static double tube_distance(const struct surface_frame *f, double radius, struct vec3 p, double *along)
+static double tube_distance(const struct surface_frame *frame, double radius, struct vec3 p, double *along)
 {
-    const struct vec3 v = v3_sub(p, f->origin);
-    *along = v3_dot(v, f->z);
-    const double at = fmin(fmax(*along, f->from + radius), fmax(f->to - radius, f->from + radius));
-    return v3_length(v3_sub(v, v3_scale(f->z, at))) - radius;
+    const struct vec3 v = v3_sub(p, frame->origin);
+    *along = v3_dot(v, frame->z);
+    const double at = fmin(fmax(*along, frame->from + radius), fmax(frame->to - radius, frame->from + radius));
+    return v3_length(v3_sub(v, v3_scale(frame->z, at))) - radius;
 }
 
 // The cell at this share of a part's length; what lies beyond an end is in the last cell there.
@@ -188,7 +196,7 @@ static bool surface_hit_of(const struct surface_pose *pose, struct vec3 p, struc
     if (part < 0)
         return false;
     const struct surface_frame *f = &pose->part[part];
-    const struct vec3 radial = across(v3_sub(p, f->origin), f->z);
+    const struct vec3 radial = perpendicular_component(v3_sub(p, f->origin), f->z);
     const double angle = portable_atan2(v3_dot(radial, f->x), v3_dot(radial, f->y));
     const double share = (best_along - f->from) / (f->to - f->from);
     out->part = part;
@@ -219,13 +227,13 @@ struct vec3 surface_rest_direction(int part, int height, int angle)
 
 // ---------------------------------------------------------------- coverage
 
-static const int MOST_SAMPLES = 3000;
+static const int MAX_SAMPLES = 3000;
 // Pixels a metre of the colour image from which on a view is as fine as the picture shows: an actor of 1.75 m that
 // fills 400 lines of a tablet's 640 x 480. Chosen by hand.
 static const double FINE_PX_PER_M = 150;
 static const double SHARP_PX = 2; // blur up to this costs nothing; the texture atlas has no finer detail
 
-void coverage_reset(struct coverage *c) { memset(c, 0, sizeof *c); }
+void coverage_reset(struct coverage *coverage) { memset(coverage, 0, sizeof *coverage); }
 
 double coverage_facing(const struct surface_pose *pose)
 {
@@ -234,12 +242,12 @@ double coverage_facing(const struct surface_pose *pose)
     return portable_atan2(v3_dot(to_camera, pose->left), v3_dot(to_camera, pose->front));
 }
 
-static int sector(double angle)
+static int angle_sector(double angle)
 {
     return (int)floor(angle / (2 * PI) * SURFACE_ANGLES + SURFACE_ANGLES + 0.5) % SURFACE_ANGLES;
 }
 
-// Every step-th pixel of every step-th row, so that at most MOST_SAMPLES of the mask are read.
+// Every step-th pixel of every step-th row, so that at most MAX_SAMPLES of the mask are read.
 static int step_of(const struct lens *lens, const uint8_t *mask)
 {
     int count = 0;
@@ -247,18 +255,18 @@ static int step_of(const struct lens *lens, const uint8_t *mask)
     for (int i = 0; i < pixels; i += 7)
         count += mask[i] != 0;
     int step = 1;
-    while (count * 7 / (step * step) > MOST_SAMPLES)
+    while (count * 7 / (step * step) > MAX_SAMPLES)
         step++;
     return step;
 }
 
-static void add_sample(struct coverage *c, const struct surface_pose *pose, struct vec3 p, double fineness)
+static void add_sample(struct coverage *coverage, const struct surface_pose *pose, struct vec3 p, double fineness)
 {
     struct surface_hit at;
     if (!surface_hit_of(pose, p, &at))
         return;
     const double cosine = -v3_dot(at.outward, v3_unit(p));
-    struct coverage_cell *cell = &c->cell[at.part][at.height][at.angle];
+    struct coverage_cell *cell = &coverage->cell[at.part][at.height][at.angle];
     cell->radius_m += (float)at.radius_m;
     cell->samples++;
     if (cosine < COVERAGE_COSINE)
@@ -268,21 +276,23 @@ static void add_sample(struct coverage *c, const struct surface_pose *pose, stru
 }
 
 // Unknown, or so uncertain that the picture shows it: half of what is still called known. Chosen by hand.
-static bool is_guessed(const struct skeleton *s, enum joint j)
+static bool is_guessed(const struct skeleton *skeleton, enum joint joint)
 {
-    const double sigma_m = joint_sigma_m(s, j);
-    return s->confidence[j] <= 0 || (s->confidence[j] < 1 && !(sigma_m <= 0.5 * KNOWN_SIGMA_MAX_M));
+    const double sigma_m = joint_sigma_m(skeleton, joint);
+    return skeleton->confidence[joint] <= 0 ||
+           (skeleton->confidence[joint] < 1 && !(sigma_m <= 0.5 * KNOWN_SIGMA_MAX_M));
 }
 
-static void add_samples(struct coverage *c, const struct coverage_view *view, const struct surface_pose *pose)
+static void add_samples(struct coverage *coverage, const struct coverage_view *view, const struct surface_pose *pose)
 {
-    const struct calibration *k = view->calibration;
-    const struct lens *lens = &k->depth;
+    const struct calibration *calibration = view->calibration;
+    const struct lens *lens = &calibration->depth;
     const double sharpness = view->blur_px > SHARP_PX ? SHARP_PX / view->blur_px : 1;
-    const double focal = k->color.width > 0 ? k->color.fx : lens->fx;
+    const double focal = calibration->color.width > 0 ? calibration->color.fx : lens->fx;
     const int step = step_of(lens, view->mask);
     // Another pixel of each step x step block in every look.
-    const int dx = (int)(c->looks % (unsigned)step), dy = (int)(c->looks / (unsigned)step % (unsigned)step);
+    const int dx = (int)(coverage->looks % (unsigned)step),
+              dy = (int)(coverage->looks / (unsigned)step % (unsigned)step);
     for (int y = dy; y < lens->height; y += step)
         for (int x = dx; x < lens->width; x += step) {
             const int i = y * lens->width + x;
@@ -290,36 +300,36 @@ static void add_samples(struct coverage *c, const struct coverage_view *view, co
                 continue;
             const double z = view->depth[i] * 1e-3;
             const struct vec3 ray = v3((x - lens->cx) / lens->fx, (y - lens->cy) / lens->fy, 1);
-            const struct vec3 p = pose_apply(k->color_from_depth, v3_scale(ray, z));
-            add_sample(c, pose, p, fmin(1, focal / z / FINE_PX_PER_M) * sharpness);
+            const struct vec3 p = pose_apply(calibration->color_from_depth, v3_scale(ray, z));
+            add_sample(coverage, pose, p, fmin(1, focal / z / FINE_PX_PER_M) * sharpness);
         }
-    c->looks++;
+    coverage->looks++;
 }
 
-bool coverage_add(struct coverage *c, const struct coverage_view *view)
+bool coverage_add(struct coverage *coverage, const struct coverage_view *view)
 {
     struct surface_pose pose;
     if (!surface_pose_of(view->skeleton, &pose) || !pose.part[PART_UPPER_TORSO].known)
         return false;
     if (view->depth)
-        add_samples(c, view, &pose);
+        add_samples(coverage, view, &pose);
     for (int part = 0; part < SURFACE_PARTS; part++)
         if (pose.part[part].known) {
-            c->length_m[part] += pose.part[part].to - pose.part[part].from;
-            c->lengths[part]++;
+            coverage->length_m[part] += pose.part[part].to - pose.part[part].from;
+            coverage->lengths[part]++;
         }
     for (int j = 0; j < JOINT_COUNT; j++)
-        c->guessed[j] += is_guessed(view->skeleton, (enum joint)j);
-    c->facing[sector(coverage_facing(&pose))]++;
-    c->frames++;
+        coverage->guessed[j] += is_guessed(view->skeleton, (enum joint)j);
+    coverage->facing[angle_sector(coverage_facing(&pose))]++;
+    coverage->frames++;
     return true;
 }
 
 // ---------------------------------------------------------------- the surface
 
-bool coverage_cell_seen(const struct coverage *c, int part, int height, int angle)
+bool coverage_cell_seen(const struct coverage *coverage, int part, int height, int angle)
 {
-    return c->cell[part][height][angle].quality > 0;
+    return coverage->cell[part][height][angle].quality > 0;
 }
 
 // Where parts join, their tubes enter one another, and these cells are no surface: the ends towards the trunk, and of
@@ -342,48 +352,48 @@ static bool inside_another(int part, int height, int angle)
     }
 }
 
-double coverage_cell_area(const struct coverage *c, int part, int height, int angle)
+double coverage_cell_area(const struct coverage *coverage, int part, int height, int angle)
 {
-    if (inside_another(part, height, angle) || !c->lengths[part])
+    if (inside_another(part, height, angle) || !coverage->lengths[part])
         return 0;
-    const struct coverage_cell *cell = &c->cell[part][height][angle];
+    const struct coverage_cell *cell = &coverage->cell[part][height][angle];
     double radius = cell->samples ? cell->radius_m / cell->samples : 0;
     if (!cell->samples) { // of the same height's other sides, else an average adult's
         double sum = 0, samples = 0;
         for (int k = 0; k < SURFACE_ANGLES; k++) {
-            sum += c->cell[part][height][k].radius_m;
-            samples += c->cell[part][height][k].samples;
+            sum += coverage->cell[part][height][k].radius_m;
+            samples += coverage->cell[part][height][k].samples;
         }
         radius = samples > 0 ? sum / samples : surface_default_radius(part);
     }
-    return c->length_m[part] / c->lengths[part] / SURFACE_HEIGHTS * radius * (2 * PI / SURFACE_ANGLES);
+    return coverage->length_m[part] / coverage->lengths[part] / SURFACE_HEIGHTS * radius * (2 * PI / SURFACE_ANGLES);
 }
 
 static int side_of(int angle) { return (angle + SURFACE_ANGLES / 8) % SURFACE_ANGLES / (SURFACE_ANGLES / 4); }
 
-static void sum_part(const struct coverage *c, int part, enum coverage_side side, double *seen, double *all)
+static void sum_part(const struct coverage *coverage, int part, enum coverage_side side, double *seen, double *all)
 {
     for (int h = 0; h < SURFACE_HEIGHTS; h++)
         for (int a = 0; a < SURFACE_ANGLES; a++) {
             if (side != COVERAGE_ALL_SIDES && side_of(a) != (int)side)
                 continue;
-            const double area = coverage_cell_area(c, part, h, a);
+            const double area = coverage_cell_area(coverage, part, h, a);
             *all += area;
-            *seen += coverage_cell_seen(c, part, h, a) ? area : 0;
+            *seen += coverage_cell_seen(coverage, part, h, a) ? area : 0;
         }
 }
 
-double coverage_part_share(const struct coverage *c, int part, enum coverage_side side)
+double coverage_part_share(const struct coverage *coverage, int part, enum coverage_side side)
 {
     double seen = 0, all = 0;
-    sum_part(c, part, side, &seen, &all);
+    sum_part(coverage, part, side, &seen, &all);
     return all > 0 ? seen / all : 0;
 }
 
-double coverage_share(const struct coverage *c)
+double coverage_share(const struct coverage *coverage)
 {
     double seen = 0, all = 0;
     for (int part = 0; part < SURFACE_PARTS; part++)
-        sum_part(c, part, COVERAGE_ALL_SIDES, &seen, &all);
+        sum_part(coverage, part, COVERAGE_ALL_SIDES, &seen, &all);
     return all > 0 ? seen / all : 0;
 }

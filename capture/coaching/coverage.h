@@ -5,8 +5,8 @@
 // A view's quality is the cosine of its obliquity, times how finely it is sampled against what the picture shows, times
 // its sharpness: 1 is frontal, near and sharp. A cell is seen from a cosine of COVERAGE_COSINE on.
 #pragma once
-#include "recording/skeleton.h"
 #include "base/lens.h"
+#include "recording/skeleton.h"
 
 // ---------------------------------------------------------------- body surface
 
@@ -84,20 +84,20 @@ struct coverage_view {
     double blur_px;                  // of the colour image, in pixels; 0: sharp
 };
 
-void coverage_reset(struct coverage *c);
+void coverage_reset(struct coverage *coverage);
 // One frame. Up to 3000 depth samples are read, evenly over the image. False: its trunk is unknown, it is left out.
-bool coverage_add(struct coverage *c, const struct coverage_view *view);
+bool coverage_add(struct coverage *coverage, const struct coverage_view *view);
 
 // Share of the surface that was seen, 0..1, weighted by area; cells inside another part do not count.
-double coverage_share(const struct coverage *c);
+double coverage_share(const struct coverage *coverage);
 
 // The same of one part; side: a quarter of the angles, or COVERAGE_ALL_SIDES.
 enum coverage_side { COVERAGE_FRONT, COVERAGE_LEFT, COVERAGE_BACK, COVERAGE_RIGHT, COVERAGE_ALL_SIDES };
-double coverage_part_share(const struct coverage *c, int part, enum coverage_side side);
+double coverage_part_share(const struct coverage *coverage, int part, enum coverage_side side);
 
 // Area of a cell, square metres; 0: it lies inside another part.
-double coverage_cell_area(const struct coverage *c, int part, int height, int angle);
-bool coverage_cell_seen(const struct coverage *c, int part, int height, int angle);
+double coverage_cell_area(const struct coverage *coverage, int part, int height, int angle);
+bool coverage_cell_seen(const struct coverage *coverage, int part, int height, int angle);
 
 // The camera's direction as an angle of the body, radians from its front towards its left.
 double coverage_facing(const struct surface_pose *pose);

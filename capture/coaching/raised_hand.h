@@ -17,4 +17,4 @@ struct raised_hand {
 #define RAISED_HAND_S 0.35
 
 // One frame; skeleton NULL: no person. True: once for each raising, when it has been held long enough.
-bool raised_hand_next(struct raised_hand *g, int64_t time_ns, const struct skeleton *skeleton);
+bool raised_hand_next(struct raised_hand *hand, int64_t time_ns, const struct skeleton *skeleton);

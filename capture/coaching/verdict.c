@@ -34,7 +34,7 @@ static const char *const past_texts[FAULT_COUNT] = {
 };
 
 // Light and colour matter to those who look at the take.
-static unsigned spoils(enum coach_fault fault)
+static unsigned spoilt_uses(enum coach_fault fault)
 {
     switch (fault) {
     case FAULT_BLUR: return 0;
@@ -45,34 +45,34 @@ static unsigned spoils(enum coach_fault fault)
     }
 }
 
-static void say_faults(const struct coach *c, struct take_verdict *v)
+static void say_faults(const struct coach *coach, struct take_verdict *verdict)
 {
     for (int f = 0; f < FAULT_COUNT; f++) {
-        const struct coach_fault_record *r = &c->fault[f];
+        const struct coach_fault_record *r = &coach->fault[f];
         if (r->first_s < 0)
             continue;
         if (f == FAULT_SENSOR_PUSHED)
-            verdict_say(v, USE_ANY, "%s at %.1f s: film again and leave it still", past_texts[f], r->first_s);
+            verdict_say(verdict, USE_ANY, "%s at %.1f s: film again and leave it still", past_texts[f], r->first_s);
         else if (r->total_s >= SHORT_S)
-            verdict_say(v, spoils((enum coach_fault)f), "%s from %.1f s to %.1f s", past_texts[f], r->longest_from_s,
-                        r->longest_from_s + r->longest_s);
-        if (f == FAULT_DEPTH_WRONG && v->count && r->total_s >= SHORT_S)
-            v->line[v->count - 1].filming = true; // the frames do not say which tags were seen
+            verdict_say(verdict, spoilt_uses((enum coach_fault)f), "%s from %.1f s to %.1f s", past_texts[f],
+                        r->longest_from_s, r->longest_from_s + r->longest_s);
+        if (f == FAULT_DEPTH_WRONG && verdict->count && r->total_s >= SHORT_S)
+            verdict->line[verdict->count - 1].filming = true; // the frames do not say which tags were seen
     }
 }
 
 // The trunk's, the head's and the thighs' share of one side: limbs turn on their own.
-static double side_share(const struct coverage *c, enum coverage_side side)
+static double side_share(const struct coverage *coverage, enum coverage_side side)
 {
     static const int parts[] = {PART_HEAD, PART_UPPER_TORSO, PART_LOWER_TORSO, PART_LEFT_THIGH, PART_RIGHT_THIGH};
     double sum = 0;
     for (size_t i = 0; i < COUNT_OF(parts); i++)
-        sum += coverage_part_share(c, parts[i], side);
+        sum += coverage_part_share(coverage, parts[i], side);
     return sum / COUNT_OF(parts);
 }
 
 // The sides that were never seen, in words: "from behind and from your left". Their number.
-static int unseen_sides(const struct coverage *k, char *out, size_t capacity)
+static int unseen_sides(const struct coverage *coverage, char *out, size_t capacity)
 {
     static const struct {
         enum coverage_side side;
@@ -84,7 +84,7 @@ static int unseen_sides(const struct coverage *k, char *out, size_t capacity)
     const char *unseen[COUNT_OF(sides)];
     int count = 0, used = 0;
     for (size_t i = 0; i < COUNT_OF(sides); i++)
-        if (side_share(k, sides[i].side) < UNSEEN)
+        if (side_share(coverage, sides[i].side) < UNSEEN)
             unseen[count++] = sides[i].from;
     *out = 0;
     for (int i = 0; i < count; i++) {
@@ -94,45 +94,48 @@ static int unseen_sides(const struct coverage *k, char *out, size_t capacity)
     return count;
 }
 
-static void say_coverage(const struct coach *c, struct take_verdict *v)
+static void say_coverage(const struct coach *coach, struct take_verdict *verdict)
 {
-    const struct coverage *k = &c->coverage;
-    const double share = coverage_share(k);
+    const struct coverage *coverage = &coach->coverage;
+    const double share = coverage_share(coverage);
     char sides[120];
-    const int unseen = unseen_sides(k, sides, sizeof sides);
+    const int unseen = unseen_sides(coverage, sides, sizeof sides);
     if (unseen)
-        verdict_say(v, USE_WATCH, "%s it is guessed: turn round once to be seen from all sides", sides);
+        verdict_say(verdict, USE_WATCH, "%s it is guessed: turn round once to be seen from all sides", sides);
     for (int part = 0; part < SURFACE_PARTS && !unseen; part++)
-        if (k->lengths[part] && coverage_part_share(k, part, COVERAGE_ALL_SIDES) < 0.5)
-            verdict_say(v, share < GOOD_SHARE ? USE_WATCH : 0, "your %s was seen from few sides",
+        if (coverage->lengths[part] && coverage_part_share(coverage, part, COVERAGE_ALL_SIDES) < 0.5)
+            verdict_say(verdict, share < GOOD_SHARE ? USE_WATCH : 0, "your %s was seen from few sides",
                         surface_part_name(part));
     if (share < FAIR_SHARE || unseen)
-        verdict_say(v, USE_WATCH, "%.0f %% of the body was seen", share * 100);
+        verdict_say(verdict, USE_WATCH, "%.0f %% of the body was seen", share * 100);
     else if (share < GOOD_SHARE)
-        v->spoilt |= USE_WATCH;
+        verdict->spoilt |= USE_WATCH;
 }
 
 // Of all joints in all frames, how many were guessed.
-static double guessed_share(const struct coverage *k)
+static double guessed_share(const struct coverage *coverage)
 {
     double sum = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
-        sum += k->guessed[j];
-    return sum / ((double)k->frames * JOINT_COUNT);
+        sum += coverage->guessed[j];
+    return sum / ((double)coverage->frames * JOINT_COUNT);
 }
 
-double coach_grade(const struct coach *c)
+double coach_grade(const struct coach *coach)
 {
-    const struct coverage *k = &c->coverage;
-    return k->frames ? GRADE_NONE + GRADE_SEEN * coverage_share(k) - GRADE_GUESSED * guessed_share(k) : 0;
+    const struct coverage *coverage = &coach->coverage;
+    return coverage->frames
+               ? GRADE_NONE + GRADE_SEEN * coverage_share(coverage) - GRADE_GUESSED * guessed_share(coverage)
+               : 0;
 }
 
-static void say_guessed(const struct coach *c, struct take_verdict *v)
+static void say_guessed(const struct coach *coach, struct take_verdict *verdict)
 {
-    const struct coverage *k = &c->coverage;
+    const struct coverage *coverage = &coach->coverage;
     int worst = -1;
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (k->guessed[j] > GUESSED * k->frames && (worst < 0 || k->guessed[j] > k->guessed[worst]))
+        if (coverage->guessed[j] > GUESSED * coverage->frames &&
+            (worst < 0 || coverage->guessed[j] > coverage->guessed[worst]))
             worst = j;
     if (worst < 0)
         return;
@@ -140,24 +143,25 @@ static void say_guessed(const struct coach *c, struct take_verdict *v)
     snprintf(name, sizeof name, "%s", joint_name((enum joint)worst));
     for (char *at = name; *at; at++)
         *at = *at == '_' ? ' ' : *at;
-    verdict_say(v, USE_ANY, "your %s was guessed in %.0f %% of the frames: keep it in sight of the sensor", name,
-                100.0 * k->guessed[worst] / k->frames);
+    verdict_say(verdict, USE_ANY, "your %s was guessed in %.0f %% of the frames: keep it in sight of the sensor", name,
+                100.0 * coverage->guessed[worst] / coverage->frames);
 }
 
-void coach_verdict(const struct coach *c, struct take_verdict *out)
+void coach_verdict(const struct coach *coach, struct take_verdict *out)
 {
-    *out = (struct take_verdict){.purpose = c->purpose, .seen = c->coverage.frames > 0};
+    *out = (struct take_verdict){.purpose = coach->purpose, .seen = coach->coverage.frames > 0};
     if (!out->seen) {
         out->spoilt = USE_ANY;
         return;
     }
-    say_faults(c, out);
-    say_guessed(c, out);
-    say_coverage(c, out);
-    if (verdict_is_good_for(out, USE_WATCH) && coach_grade(c) < GOOD_GRADE)
+    say_faults(coach, out);
+    say_guessed(coach, out);
+    say_coverage(coach, out);
+    if (verdict_is_good_for(out, USE_WATCH) && coach_grade(coach) < GOOD_GRADE)
         verdict_say(out, USE_WATCH,
                     "%.0f %% of the joints were guessed: move more slowly, come nearer, keep hands and feet in sight",
-                    100 * guessed_share(&c->coverage));
+                    100 * guessed_share(&coach->coverage));
     if (!out->count)
-        verdict_say(out, 0, "%.0f %% of the body was seen, nothing was in the way", coverage_share(&c->coverage) * 100);
+        verdict_say(out, 0, "%.0f %% of the body was seen, nothing was in the way",
+                    coverage_share(&coach->coverage) * 100);
 }

@@ -18,7 +18,7 @@
 // ---------------------------------------------------------------- depth that is mirrored
 
 // All chosen by hand.
-enum { MOST_RATIOS = 4096, MIN_RATIOS = 24, MOST_TURN_PICTURES = 16 };
+enum { MAX_RATIOS = 4096, MIN_RATIOS = 24, MAX_TURN_PICTURES = 16 };
 // Depth of the right way round agrees with the tags' sizes to some hundredths. Another way is believed where it does
 // so, and the given one is this many times as far off.
 static const double TURNED_SPREAD = 0.06, TIMES_AS_FAR = 2.5;
@@ -29,22 +29,22 @@ static int compare_doubles(const void *left, const void *right)
     return (a > b) - (a < b);
 }
 
-static double median(double *values, int count)
+static double find_median(double *values, int count)
 {
     qsort(values, (size_t)count, sizeof *values, compare_doubles);
     return values[count / 2];
 }
 
 // Depth over the distance that a tag's size tells, at the middle of its four quarters.
-static int add_ratios(const struct map *m, const struct map_frame *f, int32_t k, enum depth_turn turn, double *out,
-                      int count)
+static int add_ratios(const struct map *map, const struct map_frame *frame, int32_t k, enum depth_turn turn,
+                      double *out, int count)
 {
-    const struct lens *lens = &m->calibration.color;
-    const double half = m->tags[f->tag_index[k]].side_m / 2;
+    const struct lens *lens = &map->calibration.color;
+    const double half = map->tags[frame->tag_index[k]].side_m / 2;
     struct pose two[2];
-    if (!planar_poses(2 * half, f->seen[k].ray, two))
+    if (!planar_poses(2 * half, frame->seen[k].ray, two))
         return count;
-    for (int corner = 0; corner < 4 && count < MOST_RATIOS; corner++) {
+    for (int corner = 0; corner < 4 && count < MAX_RATIOS; corner++) {
         const struct vec3 own = {corner % 2 ? half / 2 : -half / 2, corner / 2 ? half / 2 : -half / 2, 0};
         const struct vec3 p = pose_apply(two[0], own);
         struct pixel at = lens_project(lens, p);
@@ -52,7 +52,7 @@ static int add_ratios(const struct map *m, const struct map_frame *f, int32_t k,
             at.x = lens->width - 1 - at.x;
         if (turn == DEPTH_FLIPPED || turn == DEPTH_TURNED)
             at.y = lens->height - 1 - at.y;
-        const double z = feature_depth(lens, f->depth, at);
+        const double z = feature_depth(lens, frame->depth, at);
         if (z > 0)
             out[count++] = z / p.z;
     }
@@ -60,30 +60,30 @@ static int add_ratios(const struct map *m, const struct map_frame *f, int32_t k,
 }
 
 // How far depth and tags are apart, a share: the median deviation of their ratio from its median. 1: not known.
-static double spread_of_depth(const struct map *m, enum depth_turn turn, double *ratios)
+static double spread_of_depth(const struct map *map, enum depth_turn turn, double *ratios)
 {
     int count = 0;
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; m->frames[i].depth && k < m->frames[i].seen_count; k++)
-            count = add_ratios(m, &m->frames[i], k, turn, ratios, count);
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 0; map->frames[i].depth && k < map->frames[i].seen_count; k++)
+            count = add_ratios(map, &map->frames[i], k, turn, ratios, count);
     if (count < MIN_RATIOS)
         return 1;
-    const double middle = median(ratios, count);
+    const double middle = find_median(ratios, count);
     for (int i = 0; i < count; i++)
         ratios[i] = fabs(ratios[i] / middle - 1);
-    return median(ratios, count);
+    return find_median(ratios, count);
 }
 
 // By the tags. False: too few of them show depth.
-static bool turn_by_tags(const struct map *m, enum depth_turn *best)
+static bool turn_by_tags(const struct map *map, enum depth_turn *best)
 {
-    double ratios[MOST_RATIOS], least, straight;
-    least = straight = spread_of_depth(m, DEPTH_STRAIGHT, ratios);
+    double ratios[MAX_RATIOS], min, straight;
+    min = straight = spread_of_depth(map, DEPTH_STRAIGHT, ratios);
     *best = DEPTH_STRAIGHT;
     for (enum depth_turn turn = DEPTH_MIRRORED; turn < DEPTH_TURNS; turn++) {
-        const double spread = spread_of_depth(m, turn, ratios);
-        if (spread < least && spread < TURNED_SPREAD && straight < 1 && straight > TIMES_AS_FAR * spread) {
-            least = spread;
+        const double spread = spread_of_depth(map, turn, ratios);
+        if (spread < min && spread < TURNED_SPREAD && straight < 1 && straight > TIMES_AS_FAR * spread) {
+            min = spread;
             *best = turn;
         }
     }
@@ -91,23 +91,23 @@ static bool turn_by_tags(const struct map *m, enum depth_turn *best)
 }
 
 // By the edges of some of the pictures that are kept, spread over the sweep.
-static enum status turn_by_edges(const struct map *m, enum depth_turn *best)
+static enum status turn_by_edges(const struct map *map, enum depth_turn *best)
 {
-    const struct lens *lens = &m->calibration.color;
-    const int32_t step = m->frame_count / MOST_TURN_PICTURES + 1;
+    const struct lens *lens = &map->calibration.color;
+    const int32_t step = map->frame_count / MAX_TURN_PICTURES + 1;
     struct stream_turn seen = {.images = 0};
     enum status status = OK;
     uint8_t *rgb = malloc(lens_pixels(lens) * 3);
     if (!rgb)
         return fail(ERR_MEMORY, "no memory to compare colour and depth");
-    for (int32_t i = 0, due = 0; i < m->frame_count && status == OK; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0, due = 0; i < map->frame_count && status == OK; i++) {
+        const struct map_frame *f = &map->frames[i];
         if (i < due || !f->jpeg || !f->depth)
             continue;
         due = i + step;
         status = jpeg_decode(f->jpeg, f->jpeg_bytes, rgb, lens->width, lens->height);
         if (status == OK)
-            status = stream_turn_add(&seen, &m->calibration, rgb, f->depth);
+            status = stream_turn_add(&seen, &map->calibration, rgb, f->depth);
         status = status == ERR_CORRUPT ? OK : status;
     }
     *best = stream_turn_judge(&seen);
@@ -155,12 +155,12 @@ static const double MAX_DEPTH_ERROR_M = 0.1, MAX_TIMES_NOISE = 4;
 // Of so many tags seen, less than one in ONE_IN is left.
 enum { MANY_TAGS = 4, ONE_IN = 2 };
 
-static bool most_tags_lost(const struct map *m)
+static bool max_tags_lost(const struct map *map)
 {
     int lost = 0, all = 0;
-    for (int32_t t = 0; t < m->tag_count; t++) {
-        all += m->tags[t].mapped || m->tags[t].outlier;
-        lost += m->tags[t].outlier;
+    for (int32_t t = 0; t < map->tag_count; t++) {
+        all += map->tags[t].mapped || map->tags[t].outlier;
+        lost += map->tags[t].outlier;
     }
     return all >= MANY_TAGS && ONE_IN * lost > all;
 }
@@ -184,7 +184,7 @@ enum status map_check_use(const struct map *m, const struct mapper_report *r)
 {
     char text[LENS_TEXT_BYTES];
     const bool far_off = m->rms_m > MAX_DEPTH_ERROR_M && m->rms_m > MAX_TIMES_NOISE * m->expected_m;
-    const bool useless = far_off || most_tags_lost(m);
+    const bool useless = far_off || max_tags_lost(m);
     if (r->lens.fault != LENS_FITS && (r->lens.gross || useless))
         return fail(ERR_INPUT,
                     "%s, and such a map is of no use: calibrate the lens, or use the calibration.json that belongs to "
@@ -203,8 +203,8 @@ enum status map_check_use(const struct map *m, const struct mapper_report *r)
 
 // ---------------------------------------------------------------- map advice
 
-static void say(struct map_advice *out, const char *format, ...) __attribute__((format(printf, 2, 3)));
-static void say(struct map_advice *out, const char *format, ...)
+static void add_advice_line(struct map_advice *out, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void add_advice_line(struct map_advice *out, const char *format, ...)
 {
     va_list list;
     if (out->count >= MAP_ADVICE_LINES)
@@ -230,7 +230,7 @@ static const struct place_tag *worst_fit(const struct place *place, double *othe
     // Chosen on the tests' small world, where a side that is 5 % wrong gives 4.6 times the others' residual and right
     // ones up to 1.4 times; real films were left out.
     enum { MIN_TAGS = 4, MIN_OBSERVATIONS = 3 };
-    const double times = 3, least_px = 0.1;
+    const double times = 3, min_px = 0.1;
     const struct place_tag *worst = NULL;
     double sum = 0;
     int count = 0;
@@ -245,7 +245,7 @@ static const struct place_tag *worst_fit(const struct place *place, double *othe
     if (count < MIN_TAGS)
         return NULL;
     *others_px = (sum - worst->rms_px) / (count - 1);
-    return worst->rms_px > least_px && worst->rms_px > times * *others_px ? worst : NULL;
+    return worst->rms_px > min_px && worst->rms_px > times * *others_px ? worst : NULL;
 }
 
 static void say_worst_fit(const struct place *place, struct map_advice *out)
@@ -253,63 +253,67 @@ static void say_worst_fit(const struct place *place, struct map_advice *out)
     double others_px;
     const struct place_tag *worst = worst_fit(place, &others_px);
     if (worst)
-        say(out,
+        add_advice_line(
+            out,
             "tag %d fits to %.2f pixels only, the others to %.2f: measure its black square, which the list says is "
             "%.3f m "
             "wide, and see that it hangs flat and firmly",
             (int)worst->id, worst->rms_px, others_px, worst->side_m);
 }
 
-static void say_side(const struct mapper_report *r, struct map_advice *out)
+static void say_side(const struct mapper_report *report, struct map_advice *out)
 {
-    if (r->all_wrong_side)
-        say(out,
+    if (report->all_wrong_side)
+        add_advice_line(
+            out,
             "by the sensor's depth most tags are not as wide as the list says: tag %d looks "
             "%.3f m wide, the list says %.3f m; measure the black squares, correct the list and map "
             "again, else the place has the wrong scale; if they are right, the depth's unit is %.2f times too large",
-            (int)r->first_wrong, r->measured_m, r->listed_side_m, r->measured_m / r->listed_side_m);
+            (int)report->first_wrong, report->measured_m, report->listed_side_m,
+            report->measured_m / report->listed_side_m);
     else
-        say(out,
-            "tag %d looks %.3f m wide, the list says %.3f m; %s left out: measure the black square, "
-            "correct the list and map again",
-            (int)r->first_wrong, r->measured_m, r->listed_side_m,
-            r->tags_wrong_side > 1 ? "it and others like it are" : "it is");
+        add_advice_line(out,
+                        "tag %d looks %.3f m wide, the list says %.3f m; %s left out: measure the black square, "
+                        "correct the list and map again",
+                        (int)report->first_wrong, report->measured_m, report->listed_side_m,
+                        report->tags_wrong_side > 1 ? "it and others like it are" : "it is");
 }
 
-static void say_lens(const struct place *place, const struct mapper_report *r, struct map_advice *out)
+static void say_lens(const struct place *place, const struct mapper_report *report, struct map_advice *out)
 {
     char text[LENS_TEXT_BYTES];
-    if (r->lens.fault != LENS_FITS)
-        say(out, "%s: calibrate the lens and map again%s", lens_verdict_text(&r->lens, text),
-            place->tag_count ? ", before you change anything about the tags" : "");
+    if (report->lens.fault != LENS_FITS)
+        add_advice_line(out, "%s: calibrate the lens and map again%s", lens_verdict_text(&report->lens, text),
+                        place->tag_count ? ", before you change anything about the tags" : "");
 }
 
-static void say_tags(const struct mapper_report *r, struct map_advice *out)
+static void say_tags(const struct mapper_report *report, struct map_advice *out)
 {
-    if (r->tags_unseen)
-        say(out, "tag %d%s listed but in no picture; film it too, or take it off the list", (int)r->first_unseen,
-            r->tags_unseen > 1 ? " and others are" : " is");
-    if (r->tags_disconnected)
-        say(out, "tag %d%s never in one picture with the other tags, and left out; film it together with one of them",
-            (int)r->first_disconnected, r->tags_disconnected > 1 ? " and others are" : " is");
-    if (r->tags_unlisted)
-        say(out, "tag %d%s in the pictures but not listed, and ignored; measure it and list it", (int)r->first_unlisted,
-            r->tags_unlisted > 1 ? " and others are" : " is");
-    if (r->tags_outlier)
-        say(out,
-            "tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
-            "have this number; hang it firmly and film again",
-            (int)r->first_outlier, r->tags_outlier > 1 ? " and others are" : " is");
-    if (r->tags_wrong_side && !(r->all_wrong_side && r->lens.fault != LENS_FITS))
-        say_side(r, out);
-    if (r->tags_moved)
-        say(out,
-            "tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
-            "as the sweep shows it beside others",
-            (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
+    if (report->tags_unseen)
+        add_advice_line(out, "tag %d%s listed but in no picture; film it too, or take it off the list",
+                        (int)report->first_unseen, report->tags_unseen > 1 ? " and others are" : " is");
+    if (report->tags_disconnected)
+        add_advice_line(
+            out, "tag %d%s never in one picture with the other tags, and left out; film it together with one of them",
+            (int)report->first_disconnected, report->tags_disconnected > 1 ? " and others are" : " is");
+    if (report->tags_unlisted)
+        add_advice_line(out, "tag %d%s in the pictures but not listed, and ignored; measure it and list it",
+                        (int)report->first_unlisted, report->tags_unlisted > 1 ? " and others are" : " is");
+    if (report->tags_outlier)
+        add_advice_line(out,
+                        "tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
+                        "have this number; hang it firmly and film again",
+                        (int)report->first_outlier, report->tags_outlier > 1 ? " and others are" : " is");
+    if (report->tags_wrong_side && !(report->all_wrong_side && report->lens.fault != LENS_FITS))
+        say_side(report, out);
+    if (report->tags_moved)
+        add_advice_line(out,
+                        "tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
+                        "as the sweep shows it beside others",
+                        (int)report->first_moved, report->tags_moved > 1 ? " and others are" : " is");
 }
 
-static void summarise(const struct place *place, struct map_advice *out)
+static void write_summary(const struct place *place, struct map_advice *out)
 {
     int used = snprintf(out->summary, sizeof out->summary, "%s fit to %.2f pixels",
                         place->tag_count ? "tags" : "points", place->rms_px);
@@ -329,31 +333,32 @@ static void summarise(const struct place *place, struct map_advice *out)
                  out->worst_tag_m * 1e3);
 }
 
-void map_advise(const struct place *place, const struct mapper_report *r, const struct sweep_trouble *trouble,
+void map_advise(const struct place *place, const struct mapper_report *report, const struct sweep_trouble *trouble,
                 struct map_advice *out)
 {
     *out = (struct map_advice){.worst_tag = -1};
     const struct place_tag *seldom = rarely_observed(place);
-    summarise(place, out);
+    write_summary(place, out);
     if (*trouble->cut)
-        say(out, "%s: the map is of what was swept until then", trouble->cut);
-    say_lens(place, r, out);
+        add_advice_line(out, "%s: the map is of what was swept until then", trouble->cut);
+    say_lens(place, report, out);
     if (!place->point_count)
-        say(out, "there are no landmarks, so a camera is found only where it sees a tag; film "
-                 "what can be recognised from two places");
+        add_advice_line(out, "there are no landmarks, so a camera is found only where it sees a tag; film "
+                             "what can be recognised from two places");
     if (seldom)
-        say(out, "tag %d is in %d picture%s only; film it again, together with others", (int)seldom->id,
-            (int)seldom->observations, seldom->observations == 1 ? "" : "s");
-    say_tags(r, out);
-    if (r->lens.fault == LENS_FITS && !r->tags_wrong_side)
+        add_advice_line(out, "tag %d is in %d picture%s only; film it again, together with others", (int)seldom->id,
+                        (int)seldom->observations, seldom->observations == 1 ? "" : "s");
+    say_tags(report, out);
+    if (report->lens.fault == LENS_FITS && !report->tags_wrong_side)
         say_worst_fit(place, out);
-    if (!r->floor_from_depth)
-        say(out, "the floor is in no depth picture, so height 0 is the lowest tag or landmark; film the floor too");
-    if (r->lost_to_s > r->lost_from_s)
-        say(out,
-            "the sensor could not be located from %.1f s to %.1f s of the sweep; film that part again, "
-            "more slowly, with more of what was seen before in sight",
-            r->lost_from_s, r->lost_to_s);
+    if (!report->floor_from_depth)
+        add_advice_line(
+            out, "the floor is in no depth picture, so height 0 is the lowest tag or landmark; film the floor too");
+    if (report->lost_to_s > report->lost_from_s)
+        add_advice_line(out,
+                        "the sensor could not be located from %.1f s to %.1f s of the sweep; film that part again, "
+                        "more slowly, with more of what was seen before in sight",
+                        report->lost_from_s, report->lost_to_s);
     if (trouble->damaged)
-        say(out, "%lld damaged pictures were left out", (long long)trouble->damaged);
+        add_advice_line(out, "%lld damaged pictures were left out", (long long)trouble->damaged);
 }

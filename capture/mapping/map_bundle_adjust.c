@@ -25,47 +25,47 @@ struct camera_path {
     int count;
 };
 
-static void add_path_sample(struct camera_path *c, const struct map_frame *f, const struct map_frame *other)
+static void add_path_sample(struct camera_path *path, const struct map_frame *frame, const struct map_frame *other)
 {
-    struct pose p = pose_multiply(f->camera_from_world, pose_inverse(other->camera_from_world));
+    struct pose p = pose_multiply(frame->camera_from_world, pose_inverse(other->camera_from_world));
     struct vec3 rotation = quat_to_rotation_vector(p.rotation);
     const double at[6] = {rotation.x, rotation.y, rotation.z, p.translation.x, p.translation.y, p.translation.z};
-    c->time_s[c->count] = (double)(other->time_ns - f->time_ns) * 1e-9;
-    memcpy(c->at[c->count++], at, sizeof at);
+    path->time_s[path->count] = (double)(other->time_ns - frame->time_ns) * 1e-9;
+    memcpy(path->at[path->count++], at, sizeof at);
 }
 
 // A hand-held camera that reverses within a few frames does not move uniformly while one of them is read out, so two
 // frames on each side are used. False: no usable neighbour.
-static bool camera_path_around(const struct map *m, int32_t i, struct camera_path *out)
+static bool camera_path_around(const struct map *map, int32_t i, struct camera_path *out)
 {
-    const struct map_frame *f = &m->frames[i];
+    const struct map_frame *f = &map->frames[i];
     out->count = 1;
     out->time_s[0] = 0;
     memset(out->at[0], 0, sizeof out->at[0]);
     for (int side = -1; side <= 1; side += 2)
         for (int n = 1; n <= NEIGHBOURS; n++) {
             int32_t k = i + side * n;
-            if (k < 0 || k >= m->frame_count || !m->frames[k].placed)
+            if (k < 0 || k >= map->frame_count || !map->frames[k].placed)
                 break;
-            double gap_s = side * (double)(m->frames[k].time_ns - m->frames[k - side].time_ns) * 1e-9;
-            if (gap_s < m->calibration.color.readout_s / 2 || gap_s > MAX_GAP_S) // the first: a wrong time stamp
+            double gap_s = side * (double)(map->frames[k].time_ns - map->frames[k - side].time_ns) * 1e-9;
+            if (gap_s < map->calibration.color.readout_s / 2 || gap_s > MAX_GAP_S) // the first: a wrong time stamp
                 break;
-            add_path_sample(out, f, &m->frames[k]);
+            add_path_sample(out, f, &map->frames[k]);
         }
     return out->count > 1;
 }
 
 // Lagrange polynomial through all samples.
-static void interpolate_path(const struct camera_path *c, double time_s, double out[6])
+static void interpolate_path(const struct camera_path *path, double time_s, double out[6])
 {
     memset(out, 0, 6 * sizeof *out);
-    for (int i = 1; i < c->count; i++) {
+    for (int i = 1; i < path->count; i++) {
         double share = 1;
-        for (int k = 0; k < c->count; k++)
+        for (int k = 0; k < path->count; k++)
             if (k != i)
-                share *= (time_s - c->time_s[k]) / (c->time_s[i] - c->time_s[k]);
+                share *= (time_s - path->time_s[k]) / (path->time_s[i] - path->time_s[k]);
         for (int j = 0; j < 6; j++)
-            out[j] += share * c->at[i][j];
+            out[j] += share * path->at[i][j];
     }
 }
 
@@ -78,55 +78,55 @@ static struct vec3 to_middle_row(const struct lens *lens, const struct camera_pa
                   v3(motion[3], motion[4], motion[5]));
 }
 
-static void correct_tag(const struct map *m, struct map_frame *f, int32_t k, const struct camera_path *path)
+static void correct_tag(const struct map *map, struct map_frame *frame, int32_t k, const struct camera_path *path)
 {
-    const struct lens *lens = &m->calibration.color;
-    const struct map_tag *tag = &m->tags[f->tag_index[k]];
+    const struct lens *lens = &map->calibration.color;
+    const struct map_tag *tag = &map->tags[frame->tag_index[k]];
     const struct place_tag own = {.side_m = tag->side_m, .world_from_tag = tag->world_from_tag};
     struct vec3 corner[4];
     place_tag_corners(&own, corner);
     for (int c = 0; c < 4 && tag->mapped; c++) {
-        struct vec3 ray = f->raw_seen[k].ray[c];
-        double z = pose_apply(f->camera_from_world, corner[c]).z;
+        struct vec3 ray = frame->raw_seen[k].ray[c];
+        double z = pose_apply(frame->camera_from_world, corner[c]).z;
         struct vec3 p = to_middle_row(lens, path, lens_project(lens, ray).y, v3_scale(ray, z));
         if (z > 0 && p.z > 0)
-            f->seen[k].ray[c] = v3_scale(p, 1 / p.z);
+            frame->seen[k].ray[c] = v3_scale(p, 1 / p.z);
     }
-    for (int i = 0; i < f->depths[k].count; i++) {
-        struct depth_sample s = f->raw_depths[k].sample[i];
+    for (int i = 0; i < frame->depths[k].count; i++) {
+        struct depth_sample s = frame->raw_depths[k].sample[i];
         struct vec3 ray = v3(s.x, s.y, 1);
         struct vec3 p = to_middle_row(lens, path, lens_project(lens, ray).y, v3_scale(ray, s.z));
         if (p.z > 0)
-            f->depths[k].sample[i] = (struct depth_sample){p.x / p.z, p.y / p.z, p.z};
+            frame->depths[k].sample[i] = (struct depth_sample){p.x / p.z, p.y / p.z, p.z};
     }
 }
 
-static void correct_feature(const struct map *m, const struct map_frame *f, struct map_feature *s,
+static void correct_feature(const struct map *map, const struct map_frame *frame, struct map_feature *feature,
                             const struct camera_path *path)
 {
     static const double FAR_M = 1e6; // where only the rotation counts
-    const struct lens *lens = &m->calibration.color;
-    double z = s->raw_depth;
+    const struct lens *lens = &map->calibration.color;
+    double z = feature->raw_depth;
     if (!(z > 0))
-        z = s->point >= 0 ? pose_apply(f->camera_from_world, m->points[s->point].world).z : FAR_M;
-    struct vec3 p = to_middle_row(lens, path, s->raw_pixel.y, v3_scale(lens_ray(lens, s->raw_pixel), z));
+        z = feature->point >= 0 ? pose_apply(frame->camera_from_world, map->points[feature->point].world).z : FAR_M;
+    struct vec3 p = to_middle_row(lens, path, feature->raw_pixel.y, v3_scale(lens_ray(lens, feature->raw_pixel), z));
     if (!(z > 0) || !(p.z > 0))
         return;
-    s->feature.at = lens_project(lens, p);
-    s->depth = s->raw_depth > 0 ? p.z : 0;
+    feature->feature.at = lens_project(lens, p);
+    feature->depth = feature->raw_depth > 0 ? p.z : 0;
 }
 
-void map_undo_rolling_shutter(struct map *m)
+void map_undo_rolling_shutter(struct map *map)
 {
-    for (int32_t i = 0; m->calibration.color.readout_s > 0 && i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; map->calibration.color.readout_s > 0 && i < map->frame_count; i++) {
+        struct map_frame *f = &map->frames[i];
         struct camera_path path;
-        if (!f->placed || !camera_path_around(m, i, &path))
+        if (!f->placed || !camera_path_around(map, i, &path))
             continue;
         for (int32_t k = 0; k < f->seen_count; k++)
-            correct_tag(m, f, k, &path);
+            correct_tag(map, f, k, &path);
         for (int32_t k = 0; k < f->feature_count; k++)
-            correct_feature(m, f, &f->features[k], &path);
+            correct_feature(map, f, &f->features[k], &path);
     }
 }
 
@@ -147,15 +147,16 @@ struct landmark_information {
 };
 
 // Adds one observation of a landmark: whitened residuals and their Jacobian by its position.
-static void add_observation(struct landmark_information *k, const struct lens *lens, const struct map_frame *f,
-                            const struct map_feature *s, const struct place_landmark *point)
+static void add_observation(struct landmark_information *information, const struct lens *lens,
+                            const struct map_frame *frame, const struct map_feature *feature,
+                            const struct place_landmark *point)
 {
-    struct vec3 p = pose_apply(f->camera_from_world, point->world), ray = lens_ray(lens, s->feature.at);
+    struct vec3 p = pose_apply(frame->camera_from_world, point->world), ray = lens_ray(lens, feature->feature.at);
     double rotation[3][3], c[3], rows[3][3], e[3] = {0};
-    quat_to_matrix(f->camera_from_world.rotation, rotation);
-    match_covariance(point, &s->feature, c);
+    quat_to_matrix(frame->camera_from_world.rotation, rotation);
+    match_covariance(point, &feature->feature, c);
     double a = 1 / sqrt(c[0]), d = 1 / sqrt(c[2] - c[1] * c[1] / c[0]), b = -d * c[1] / c[0];
-    double x = p.x / p.z, y = p.y / p.z, depth = s->depth > 0 ? 1 / depth_absolute_sigma_m(s->depth) : 0;
+    double x = p.x / p.z, y = p.y / p.z, depth = feature->depth > 0 ? 1 / depth_absolute_sigma_m(feature->depth) : 0;
     double off_x = lens->fx * (x - ray.x), off_y = lens->fy * (y - ray.y);
     for (int i = 0; i < 3; i++) {
         double by_x = lens->fx / p.z * (rotation[0][i] - x * rotation[2][i]);
@@ -166,29 +167,30 @@ static void add_observation(struct landmark_information *k, const struct lens *l
     }
     e[0] = a * off_x;
     e[1] = b * off_x + d * off_y;
-    e[2] = depth * (p.z - s->depth);
+    e[2] = depth * (p.z - feature->depth);
     double chi2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2], slope = 1 / (1 + chi2 / (ROBUST_SIGMAS * ROBUST_SIGMAS));
     for (int r = 0; r < 3; r++)
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++)
-                k->information[i * 3 + j] += slope * rows[r][i] * rows[r][j];
-    k->cost += slope * chi2;
-    k->numbers += s->depth > 0 ? 3 : 2;
-    k->from = v3_add(k->from, v3_unit(v3_sub(pose_inverse(f->camera_from_world).translation, point->world)));
-    k->observations++;
+                information->information[i * 3 + j] += slope * rows[r][i] * rows[r][j];
+    information->cost += slope * chi2;
+    information->numbers += feature->depth > 0 ? 3 : 2;
+    information->from =
+        v3_add(information->from, v3_unit(v3_sub(pose_inverse(frame->camera_from_world).translation, point->world)));
+    information->observations++;
 }
 
-static void set_covariance(const struct landmark_information *k, struct place_landmark *point)
+static void set_covariance(const struct landmark_information *information, struct place_landmark *point)
 {
     static const int ROW[6] = {0, 0, 0, 1, 1, 2}, COLUMN[6] = {0, 1, 2, 1, 2, 2};
-    double covariance[9], spare = k->numbers - 3;
-    struct vec3 from = v3_scale(k->from, 1.0 / (k->observations ? k->observations : 1));
+    double covariance[9], spare = information->numbers - 3;
+    struct vec3 from = v3_scale(information->from, 1.0 / (information->observations ? information->observations : 1));
     point->seen_from[0] = (float)from.x, point->seen_from[1] = (float)from.y, point->seen_from[2] = (float)from.z;
     memset(point->covariance, 0, sizeof point->covariance);
-    if (!invert_symmetric(k->information, 3, covariance))
+    if (!invert_symmetric(information->information, 3, covariance))
         return;
     // Residuals larger than one standard deviation of chi-square above its mean enlarge the covariance.
-    double grow = spare > 0 ? fmax(1, k->cost / (spare + sqrt(2 * spare))) : 1;
+    double grow = spare > 0 ? fmax(1, information->cost / (spare + sqrt(2 * spare))) : 1;
     for (int i = 0; i < 6; i++)
         point->covariance[i] = (float)(grow * covariance[ROW[i] * 3 + COLUMN[i]]);
 }
@@ -263,19 +265,19 @@ static void set_common_columns(const struct map_tag *tag, const double inverse[3
 
 // Weighted least squares: the motion of the whole world that fits small motions of all tags best, as a matrix of 6 rows
 // and one column for each of the tags' numbers. False: no tag is mapped.
-static bool fit_common_motion(const struct map *m, double *by)
+static bool fit_common_motion(const struct map *map, double *by)
 {
-    const int n = 6 * m->tag_count;
+    const int n = 6 * map->tag_count;
     double normal[36] = {0}, inverse[36];
     memset(by, 0, 6 * (size_t)n * sizeof *by);
-    for (int32_t t = 0; t < m->tag_count; t++)
-        if (m->tags[t].mapped)
-            add_common_normal(&m->tags[t], normal);
+    for (int32_t t = 0; t < map->tag_count; t++)
+        if (map->tags[t].mapped)
+            add_common_normal(&map->tags[t], normal);
     if (!invert_symmetric(normal, 6, inverse))
         return false;
-    for (int32_t t = 0; t < m->tag_count; t++)
-        if (m->tags[t].mapped)
-            set_common_columns(&m->tags[t], inverse, by + (ptrdiff_t)6 * t, n);
+    for (int32_t t = 0; t < map->tag_count; t++)
+        if (map->tags[t].mapped)
+            set_common_columns(&map->tags[t], inverse, by + (ptrdiff_t)6 * t, n);
     return true;
 }
 
@@ -288,14 +290,14 @@ struct common_covariance {
 
 // Element (a, b) of tag t's covariance `c` after the common motion is projected out:
 // c - J_a H_b - J_b H_a + J_a C J_b^T, H = with_tags, C = own, J the tag's Jacobian.
-static double without_common_motion(double c, const struct common_covariance *g, const double jacobian[36], int column,
-                                    int a, int b)
+static double without_common_motion(double c, const struct common_covariance *covariance, const double jacobian[36],
+                                    int column, int a, int b)
 {
     for (int i = 0; i < 6; i++) {
-        const double *h = &g->with_tags[i * g->n + column];
+        const double *h = &covariance->with_tags[i * covariance->n + column];
         c -= jacobian[a * 6 + i] * h[b] + jacobian[b * 6 + i] * h[a];
         for (int j = 0; j < 6; j++)
-            c += jacobian[a * 6 + i] * g->own[i * 6 + j] * jacobian[b * 6 + j];
+            c += jacobian[a * 6 + i] * covariance->own[i * 6 + j] * jacobian[b * 6 + j];
     }
     return c;
 }
@@ -303,11 +305,11 @@ static double without_common_motion(double c, const struct common_covariance *g,
 // Removes the gauge freedom: the part of the tags' covariance that moves all of them together, because the tags
 // themselves define the world. all: 6 tag_count on a side; its diagonal blocks change. common, half: 6 rows of
 // 6 tag_count, scratch.
-static void remove_gauge_freedom(const struct map *m, double *all, double *common, double *half)
+static void remove_gauge_freedom(const struct map *map, double *all, double *common, double *half)
 {
-    const int n = 6 * m->tag_count;
+    const int n = 6 * map->tag_count;
     struct common_covariance g = {.with_tags = half, .n = n};
-    if (!fit_common_motion(m, common))
+    if (!fit_common_motion(map, common))
         return;
     memset(half, 0, 6 * (size_t)n * sizeof *half);
     for (int i = 0; i < 6; i++)
@@ -318,9 +320,9 @@ static void remove_gauge_freedom(const struct map *m, double *all, double *commo
         for (int j = 0; j < 6; j++)
             for (int k = 0; k < n; k++)
                 g.own[i * 6 + j] += half[i * n + k] * common[j * n + k];
-    for (int32_t t = 0; t < m->tag_count; t++) {
+    for (int32_t t = 0; t < map->tag_count; t++) {
         double jacobian[36];
-        tag_motion_by_world(&m->tags[t], jacobian);
+        tag_motion_by_world(&map->tags[t], jacobian);
         for (int a = 0; a < 6; a++)
             for (int b = 0; b < 6; b++) {
                 double *c = &all[(6 * t + a) * n + 6 * t + b];
@@ -380,20 +382,20 @@ struct residual_counts {
     int32_t corners, depths, observations;
 };
 
-static bool is_included(const struct map_feature *s, const bool *included)
+static bool is_included(const struct map_feature *feature, const bool *included)
 {
-    return s->point >= 0 && (!included || included[s->point]);
+    return feature->point >= 0 && (!included || included[feature->point]);
 }
 
-static struct residual_counts count_residuals(const struct map *m, const bool *included)
+static struct residual_counts count_residuals(const struct map *map, const bool *included)
 {
     struct residual_counts n = {0};
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         if (!f->placed)
             continue;
         for (int32_t k = 0; k < f->seen_count; k++) {
-            if (m->tags[f->tag_index[k]].mapped) {
+            if (map->tags[f->tag_index[k]].mapped) {
                 n.corners++;
                 n.depths += f->depths[k].count;
             }
@@ -406,7 +408,7 @@ static struct residual_counts count_residuals(const struct map *m, const bool *i
 
 // The upper factor U of the information of a tag's eight corner coordinates, U^T U = information; where it is singular,
 // a standard deviation of half a pixel.
-static void whiten(const struct tag_observation *seen, double out[8][8])
+static void compute_whitening(const struct tag_observation *seen, double out[8][8])
 {
     double covariance[64], information[64];
     memset(out, 0, 64 * sizeof(double));
@@ -436,54 +438,56 @@ struct adjust_arrays {
     struct residual_counts used; // of corners, depths, observations
 };
 
-static void adjust_arrays_free(struct adjust_arrays *a)
+static void adjust_arrays_free(struct adjust_arrays *arrays)
 {
-    free(a->cameras);
-    free(a->squares);
-    free(a->points);
-    free(a->corners);
-    free(a->depths);
-    free(a->observations);
-    free(a->moved);
+    free(arrays->cameras);
+    free(arrays->squares);
+    free(arrays->points);
+    free(arrays->corners);
+    free(arrays->depths);
+    free(arrays->observations);
+    free(arrays->moved);
 }
 
-static enum status adjust_arrays_alloc(struct adjust_arrays *a, const struct map *m, struct residual_counts n)
+static enum status adjust_arrays_alloc(struct adjust_arrays *arrays, const struct map *map,
+                                       struct residual_counts counts)
 {
-    *a = (struct adjust_arrays){
-        .cameras = calloc((size_t)m->frame_count + 1, sizeof *a->cameras),
-        .squares = calloc((size_t)m->tag_count + 1, sizeof *a->squares),
-        .points = calloc((size_t)m->point_count + 1, sizeof *a->points),
-        .corners = calloc((size_t)n.corners + 1, sizeof *a->corners),
-        .depths = calloc((size_t)n.depths + 1, sizeof *a->depths),
-        .observations = calloc((size_t)n.observations + 1, sizeof *a->observations),
-        .moved = calloc((size_t)m->point_count + 1, sizeof *a->moved),
+    *arrays = (struct adjust_arrays){
+        .cameras = calloc((size_t)map->frame_count + 1, sizeof *arrays->cameras),
+        .squares = calloc((size_t)map->tag_count + 1, sizeof *arrays->squares),
+        .points = calloc((size_t)map->point_count + 1, sizeof *arrays->points),
+        .corners = calloc((size_t)counts.corners + 1, sizeof *arrays->corners),
+        .depths = calloc((size_t)counts.depths + 1, sizeof *arrays->depths),
+        .observations = calloc((size_t)counts.observations + 1, sizeof *arrays->observations),
+        .moved = calloc((size_t)map->point_count + 1, sizeof *arrays->moved),
     };
-    if (a->cameras && a->squares && a->points && a->corners && a->depths && a->observations && a->moved)
+    if (arrays->cameras && arrays->squares && arrays->points && arrays->corners && arrays->depths &&
+        arrays->observations && arrays->moved)
         return OK;
-    adjust_arrays_free(a);
+    adjust_arrays_free(arrays);
     return fail(ERR_MEMORY, "no memory to adjust the map");
 }
 
-static void add_frame_residuals(const struct map *m, int32_t i, const struct adjust_options *options,
-                                struct adjust_arrays *a)
+static void add_frame_residuals(const struct map *map, int32_t i, const struct adjust_options *options,
+                                struct adjust_arrays *arrays)
 {
-    const struct map_frame *f = &m->frames[i];
-    const struct lens *lens = &m->calibration.color;
+    const struct map_frame *f = &map->frames[i];
+    const struct lens *lens = &map->calibration.color;
     const double loose = options->loose_depth > 0 ? options->loose_depth : 1;
     for (int32_t k = 0; k < f->seen_count; k++) {
-        if (!m->tags[f->tag_index[k]].mapped)
+        if (!map->tags[f->tag_index[k]].mapped)
             continue;
-        struct ba_corners *c = &a->corners[a->used.corners++];
+        struct ba_corners *c = &arrays->corners[arrays->used.corners++];
         c->camera = i;
         c->square = f->tag_index[k];
         for (int j = 0; j < 4; j++) {
             c->observed[2 * j] = lens->fx * f->seen[k].ray[j].x;
             c->observed[2 * j + 1] = lens->fy * f->seen[k].ray[j].y;
         }
-        whiten(&f->seen[k], c->whiten);
+        compute_whitening(&f->seen[k], c->whiten);
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
-            a->depths[a->used.depths++] = (struct ba_plane_depth){
+            arrays->depths[arrays->used.depths++] = (struct ba_plane_depth){
                 i, f->tag_index[k], s->x, s->y, s->z, loose * depth_absolute_sigma_m(s->z) / sqrt(f->depths[k].share)};
         }
     }
@@ -494,76 +498,77 @@ static void add_frame_residuals(const struct map *m, int32_t i, const struct adj
         struct vec3 ray = lens_ray(lens, s->feature.at);
         double sigma_m =
             s->depth > 0 ? hypot(depth_absolute_sigma_m(s->depth), options->extra_sigma_px / lens->fx * s->depth) : 1;
-        struct ba_observation *seen = &a->observations[a->used.observations++];
+        struct ba_observation *seen = &arrays->observations[arrays->used.observations++];
         *seen = (struct ba_observation){i, s->point, ray.x, ray.y, {0}, s->depth, loose * sigma_m};
-        match_covariance(&m->points[s->point], &s->feature, seen->covariance);
+        match_covariance(&map->points[s->point], &s->feature, seen->covariance);
         seen->covariance[0] += options->extra_sigma_px * options->extra_sigma_px;
         seen->covariance[2] += options->extra_sigma_px * options->extra_sigma_px;
     }
 }
 
 // A landmark that was not included moves rigidly with the first frame that shows it. moved: point_count times false.
-static void move_excluded_points(struct map *m, const struct ba_problem *p, const bool *included, bool *moved)
+static void move_excluded_points(struct map *map, const struct ba_problem *problem, const bool *included, bool *moved)
 {
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
-        struct pose new_from_old = pose_multiply(pose_inverse(p->cameras[i].camera_from_world), f->camera_from_world);
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
+        struct pose new_from_old =
+            pose_multiply(pose_inverse(problem->cameras[i].camera_from_world), f->camera_from_world);
         for (int32_t k = 0; f->placed && k < f->feature_count; k++) {
             int32_t point = f->features[k].point;
-            if (point < m->held_points || included[point] || moved[point])
+            if (point < map->held_points || included[point] || moved[point])
                 continue;
-            p->points[point] = pose_apply(new_from_old, p->points[point]);
+            problem->points[point] = pose_apply(new_from_old, problem->points[point]);
             moved[point] = true;
         }
     }
 }
 
-static void apply_solution(struct map *m, const struct ba_problem *p)
+static void apply_solution(struct map *map, const struct ba_problem *problem)
 {
-    for (int32_t i = 0; i < m->frame_count; i++)
-        m->frames[i].camera_from_world = p->cameras[i].camera_from_world;
-    for (int32_t i = 0; i < m->tag_count; i++)
-        m->tags[i].world_from_tag = p->squares[i].world_from_square;
-    for (int32_t i = 0; i < m->point_count; i++)
-        m->points[i].world = p->points[i];
+    for (int32_t i = 0; i < map->frame_count; i++)
+        map->frames[i].camera_from_world = problem->cameras[i].camera_from_world;
+    for (int32_t i = 0; i < map->tag_count; i++)
+        map->tags[i].world_from_tag = problem->squares[i].world_from_square;
+    for (int32_t i = 0; i < map->point_count; i++)
+        map->points[i].world = problem->points[i];
 }
 
-static enum status adjust_all(struct map *m, const struct adjust_options *options)
+static enum status adjust_all(struct map *map, const struct adjust_options *options)
 {
     const bool *included = options->included;
-    if (m->on_step)
-        m->on_step(m->self);
-    map_undo_rolling_shutter(m);
+    if (map->on_step)
+        map->on_step(map->self);
+    map_undo_rolling_shutter(map);
     struct adjust_arrays a;
-    enum status status = adjust_arrays_alloc(&a, m, count_residuals(m, included));
+    enum status status = adjust_arrays_alloc(&a, map, count_residuals(map, included));
     if (status != OK)
         return status;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        a.cameras[i].camera_from_world = m->frames[i].camera_from_world;
-        if (m->frames[i].placed)
-            add_frame_residuals(m, i, options, &a);
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        a.cameras[i].camera_from_world = map->frames[i].camera_from_world;
+        if (map->frames[i].placed)
+            add_frame_residuals(map, i, options, &a);
     }
-    for (int32_t i = 0; i < m->tag_count; i++)
-        a.squares[i] = (struct ba_square){m->tags[i].world_from_tag, m->tags[i].side_m, m->tags[i].fixed};
-    for (int32_t i = 0; i < m->point_count; i++)
-        a.points[i] = m->points[i].world;
+    for (int32_t i = 0; i < map->tag_count; i++)
+        a.squares[i] = (struct ba_square){map->tags[i].world_from_tag, map->tags[i].side_m, map->tags[i].fixed};
+    for (int32_t i = 0; i < map->point_count; i++)
+        a.points[i] = map->points[i].world;
     struct ba_problem problem = {
-        .fx = m->calibration.color.fx,
-        .fy = m->calibration.color.fy,
+        .fx = map->calibration.color.fx,
+        .fy = map->calibration.color.fy,
         .cameras = a.cameras,
         .squares = a.squares,
         .points = a.points,
         .corners = a.corners,
         .plane_depths = a.depths,
         .observations = a.observations,
-        .camera_count = m->frame_count,
-        .square_count = m->tag_count,
-        .point_count = m->point_count,
+        .camera_count = map->frame_count,
+        .square_count = map->tag_count,
+        .point_count = map->point_count,
         .corner_count = a.used.corners,
         .plane_depth_count = a.used.depths,
         .observation_count = options->fix_frames ? 0 : a.used.observations,
-        .held_camera = m->fixed_frame,
-        .held_points = m->held_points,
+        .held_camera = map->fixed_frame,
+        .held_points = map->held_points,
         .hold_cameras = options->fix_frames,
         .max_iterations = options->rounds,
         .cost = options->cost,
@@ -578,9 +583,9 @@ static enum status adjust_all(struct map *m, const struct adjust_options *option
         return status;
     }
     if (status == OK && included)
-        move_excluded_points(m, &problem, included, a.moved);
+        move_excluded_points(map, &problem, included, a.moved);
     if (status == OK)
-        apply_solution(m, &problem);
+        apply_solution(map, &problem);
     adjust_arrays_free(&a);
     return status;
 }
@@ -594,11 +599,11 @@ enum status map_bundle_adjust_relaxed(struct map *m, int rounds, double extra_si
     return adjust_all(m, &(struct adjust_options){.rounds = rounds, .extra_sigma_px = extra_sigma_px});
 }
 
-void map_scale_depth(struct map *m, double times)
+void map_scale_depth(struct map *map, double times)
 {
-    m->depth_scale *= times;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
+    map->depth_scale *= times;
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        struct map_frame *f = &map->frames[i];
         for (int32_t k = 0; k < f->feature_count; k++) {
             f->features[k].depth *= times;
             f->features[k].raw_depth *= times;
@@ -650,7 +655,7 @@ struct sum {
     int64_t count;
 };
 
-static void add(struct sum *sum, double error)
+static void add_error(struct sum *sum, double error)
 {
     if (isfinite(error)) {
         sum->squares += error * error;
@@ -658,64 +663,65 @@ static void add(struct sum *sum, double error)
     }
 }
 
-static double rms(struct sum sum) { return sum.count ? sqrt(sum.squares / (double)sum.count) : 0; }
+static double root_mean_square(struct sum sum) { return sum.count ? sqrt(sum.squares / (double)sum.count) : 0; }
 
-static void measure_tag(const struct map *m, const struct map_frame *f, int32_t k, struct sum *px, struct sum *metres,
-                        struct sum *expected)
+static void measure_tag(const struct map *map, const struct map_frame *frame, int32_t k, struct sum *px,
+                        struct sum *metres, struct sum *expected)
 {
-    struct map_tag *tag = &m->tags[f->tag_index[k]];
+    struct map_tag *tag = &map->tags[frame->tag_index[k]];
     struct pnp_tag fit = {
-        .seen = &f->seen[k], .world_from_tag = tag->world_from_tag, .side_m = tag->side_m, .used = true};
-    double error = pnp_tag_rms(&fit, NULL, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
+        .seen = &frame->seen[k], .world_from_tag = tag->world_from_tag, .side_m = tag->side_m, .used = true};
+    double error =
+        pnp_tag_rms(&fit, NULL, &frame->camera_from_world, map->calibration.color.fx, map->calibration.color.fy);
     if (!tag->mapped || error > 10) // an outlier to the adjustment
         return;
     tag->rms_px += error * error;
     tag->observations++;
-    add(px, error);
-    struct pose camera_from_tag = pose_multiply(f->camera_from_world, tag->world_from_tag);
+    add_error(px, error);
+    struct pose camera_from_tag = pose_multiply(frame->camera_from_world, tag->world_from_tag);
     struct vec3 normal = quat_rotate(camera_from_tag.rotation, v3(0, 0, 1));
-    for (int32_t d = 0; d < f->depths[k].count; d++) {
-        const struct depth_sample *s = &f->depths[k].sample[d];
+    for (int32_t d = 0; d < frame->depths[k].count; d++) {
+        const struct depth_sample *s = &frame->depths[k].sample[d];
         double slant = normal.x * s->x + normal.y * s->y + normal.z;
-        add(metres, v3_dot(normal, camera_from_tag.translation) / slant - s->z);
-        add(expected, depth_absolute_sigma_m(s->z));
+        add_error(metres, v3_dot(normal, camera_from_tag.translation) / slant - s->z);
+        add_error(expected, depth_absolute_sigma_m(s->z));
     }
 }
 
-static void measure_points(const struct map *m, const struct map_frame *f, struct sum *px, struct sum *metres)
+static void measure_points(const struct map *map, const struct map_frame *frame, struct sum *px, struct sum *metres)
 {
-    const struct lens *lens = &m->calibration.color;
-    for (int32_t k = 0; k < f->feature_count; k++) {
-        const struct map_feature *s = &f->features[k];
-        if (s->point < 0)
+    const struct lens *lens = &map->calibration.color;
+    for (int32_t k = 0; k < frame->feature_count; k++) {
+        const struct map_feature *feature = &frame->features[k];
+        if (feature->point < 0)
             continue;
-        struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
-        add(px, map_reprojection_px(lens, p, &s->feature));
-        if (s->depth > 0)
-            add(metres, p.z - s->depth);
+        struct vec3 p = pose_apply(frame->camera_from_world, map->points[feature->point].world);
+        add_error(px, map_reprojection_px(lens, p, &feature->feature));
+        if (feature->depth > 0)
+            add_error(metres, p.z - feature->depth);
     }
 }
 
-void map_compute_residuals(struct map *m)
+void map_compute_residuals(struct map *map)
 {
     struct sum px = {0}, metres = {0}, expected = {0};
-    for (int32_t i = 0; i < m->tag_count; i++) {
-        m->tags[i].rms_px = 0;
-        m->tags[i].observations = 0;
+    for (int32_t i = 0; i < map->tag_count; i++) {
+        map->tags[i].rms_px = 0;
+        map->tags[i].observations = 0;
     }
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         if (!f->placed)
             continue;
         for (int32_t k = 0; k < f->seen_count; k++)
-            measure_tag(m, f, k, &px, &metres, &expected);
-        if (!m->tag_count)
-            measure_points(m, f, &px, &metres);
+            measure_tag(map, f, k, &px, &metres, &expected);
+        if (!map->tag_count)
+            measure_points(map, f, &px, &metres);
     }
-    for (int32_t i = 0; i < m->tag_count; i++)
-        if (m->tags[i].observations)
-            m->tags[i].rms_px = sqrt(m->tags[i].rms_px / m->tags[i].observations);
-    m->rms_px = rms(px);
-    m->rms_m = rms(metres);
-    m->expected_m = rms(expected);
+    for (int32_t i = 0; i < map->tag_count; i++)
+        if (map->tags[i].observations)
+            map->tags[i].rms_px = sqrt(map->tags[i].rms_px / map->tags[i].observations);
+    map->rms_px = root_mean_square(px);
+    map->rms_m = root_mean_square(metres);
+    map->expected_m = root_mean_square(expected);
 }

@@ -34,34 +34,35 @@ struct map_frontend {
     int64_t put, taken;
 };
 
-void map_frame_free(struct map_frame *f)
+void map_frame_free(struct map_frame *frame)
 {
-    free(f->seen);
-    free(f->depths);
-    free(f->raw_seen);
-    free(f->raw_depths);
-    free(f->tag_index);
-    free(f->features);
-    free(f->jpeg);
-    free(f->depth);
-    *f = (struct map_frame){0};
+    free(frame->seen);
+    free(frame->depths);
+    free(frame->raw_seen);
+    free(frame->raw_depths);
+    free(frame->tag_index);
+    free(frame->features);
+    free(frame->jpeg);
+    free(frame->depth);
+    *frame = (struct map_frame){0};
 }
 
-bool map_depth_usable(const struct calibration *c)
+bool map_depth_usable(const struct calibration *calibration)
 {
-    return c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
+    return calibration->registered && calibration->depth.width == calibration->color.width &&
+           calibration->depth.height == calibration->color.height;
 }
 
-static enum status detect_tags(struct worker *w, struct map_frontend_result *out)
+static enum status detect_tags(struct worker *worker, struct map_frontend_result *out)
 {
     struct tag_detection seen[PNP_MAX_TAGS];
-    const struct map *map = w->frontend->map;
+    const struct map *map = worker->frontend->map;
     const struct lens *lens = &map->calibration.color;
     const uint16_t *depth = map_depth_usable(&map->calibration) ? out->frame.depth : NULL;
     struct map_frame *f = &out->observed;
     int count;
-    enum status status = tag_detector_detect(w->detector, &(struct gray_image){w->gray, lens->width, lens->height},
-                                             seen, PNP_MAX_TAGS, &count);
+    enum status status = tag_detector_detect(
+        worker->detector, &(struct gray_image){worker->gray, lens->width, lens->height}, seen, PNP_MAX_TAGS, &count);
     if (status != OK)
         return status;
     f->seen = calloc((size_t)count + 1, sizeof *f->seen);
@@ -77,7 +78,7 @@ static enum status detect_tags(struct worker *w, struct map_frontend_result *out
             out->ids[out->id_count++] = seen[i].id;
         for (int32_t k = 0; k < map->tag_count && !duplicate; k++) { // of two with one id it is unknown which is meant
             if (map->tags[k].id != seen[i].id ||
-                !tag_refine(w->refiner, out->frame.color, seen[i].id, &map->tags[k].pattern, seen[i].corner,
+                !tag_refine(worker->refiner, out->frame.color, seen[i].id, &map->tags[k].pattern, seen[i].corner,
                             &f->seen[f->seen_count]))
                 continue;
             if (depth)
@@ -90,16 +91,17 @@ static enum status detect_tags(struct worker *w, struct map_frontend_result *out
     return OK;
 }
 
-static enum status detect_features(struct worker *w, struct map_frontend_result *out)
+static enum status detect_features(struct worker *worker, struct map_frontend_result *out)
 {
     struct feature found[MAP_MAX_FEATURES];
-    const struct map *map = w->frontend->map;
+    const struct map *map = worker->frontend->map;
     const struct lens *lens = &map->calibration.color;
     const uint16_t *depth = map_depth_usable(&map->calibration) ? out->frame.depth : NULL;
     struct map_frame *f = &out->observed;
     int count = 0;
-    enum status status =
-        w->frontend->points ? features_detect(w->gray, lens->width, lens->height, found, MAP_MAX_FEATURES, &count) : OK;
+    enum status status = worker->frontend->points
+                             ? features_detect(worker->gray, lens->width, lens->height, found, MAP_MAX_FEATURES, &count)
+                             : OK;
     if (status != OK)
         return status;
     f->features = calloc((size_t)count + 1, sizeof *f->features);
@@ -113,17 +115,17 @@ static enum status detect_features(struct worker *w, struct map_frontend_result 
     return OK;
 }
 
-static void process_frame(struct worker *w, struct slot *s)
+static void process_frame(struct worker *worker, struct slot *slot)
 {
-    const struct lens *lens = &w->frontend->map->calibration.color;
-    gray_from_rgb(s->result.frame.color, (size_t)lens->width * (size_t)lens->height, w->gray);
-    enum status status = detect_tags(w, &s->result);
+    const struct lens *lens = &worker->frontend->map->calibration.color;
+    gray_from_rgb(slot->result.frame.color, (size_t)lens->width * (size_t)lens->height, worker->gray);
+    enum status status = detect_tags(worker, &slot->result);
     if (status == OK)
-        status = detect_features(w, &s->result);
-    failure_keep(&s->failure, status);
+        status = detect_features(worker, &slot->result);
+    failure_keep(&slot->failure, status);
 }
 
-static void *run(void *context)
+static void *run_worker(void *context)
 {
     struct worker *w = context;
     for (struct slot *s; (s = queue_take(w->todo));) {
@@ -133,22 +135,24 @@ static void *run(void *context)
     return NULL;
 }
 
-static enum status start(struct map_frontend *l, struct worker *w, const struct mapper_options *options)
+static enum status start_worker(struct map_frontend *frontend, struct worker *worker,
+                                const struct mapper_options *options)
 {
-    const struct lens *lens = &l->map->calibration.color;
-    w->frontend = l;
-    w->gray = malloc((size_t)lens->width * (size_t)lens->height);
-    enum status status = w->gray ? OK : fail(ERR_MEMORY, "no memory to map a place");
+    const struct lens *lens = &frontend->map->calibration.color;
+    worker->frontend = frontend;
+    worker->gray = malloc((size_t)lens->width * (size_t)lens->height);
+    enum status status = worker->gray ? OK : fail(ERR_MEMORY, "no memory to map a place");
     if (status == OK)
-        status = tag_refiner_open(&w->refiner, lens);
+        status = tag_refiner_open(&worker->refiner, lens);
     if (status == OK)
-        status = tag_detector_open(&w->detector, options->quad_decimate);
+        status = tag_detector_open(&worker->detector, options->quad_decimate);
     if (status == OK)
-        status = queue_open(&w->todo, SLOTS);
+        status = queue_open(&worker->todo, SLOTS);
     if (status == OK)
-        status = queue_open(&w->done, SLOTS);
+        status = queue_open(&worker->done, SLOTS);
     if (status == OK)
-        status_ignore(worker_thread_start(&w->thread, run, w, "to map a place")); // map_frontend_put then detects
+        status_ignore(worker_thread_start(&worker->thread, run_worker, worker,
+                                          "to map a place")); // map_frontend_put then detects
     return status;
 }
 
@@ -159,7 +163,7 @@ enum status map_frontend_open(struct map_frontend **out, const struct map *map, 
     if (!l)
         return fail(ERR_MEMORY, "no memory to map a place");
     l->map = map;
-    l->points = options->most_points > 0;
+    l->points = options->max_points > 0;
     size_t pixels = (size_t)map->calibration.color.width * (size_t)map->calibration.color.height;
     size_t depths = (size_t)map->calibration.depth.width * (size_t)map->calibration.depth.height;
     enum status status = OK;
@@ -173,7 +177,7 @@ enum status map_frontend_open(struct map_frontend **out, const struct map *map, 
             status = fail(ERR_MEMORY, "no memory for %d pictures of a sweep", (int)SLOTS);
     }
     for (int i = 0; i < WORKERS && status == OK; i++)
-        status = start(l, &l->workers[i], options);
+        status = start_worker(l, &l->workers[i], options);
     if (status != OK)
         map_frontend_close(out);
     return status;
@@ -181,11 +185,11 @@ enum status map_frontend_open(struct map_frontend **out, const struct map *map, 
 
 void map_frontend_close(struct map_frontend **out)
 {
-    struct map_frontend *l = *out;
-    if (!l)
+    struct map_frontend *frontend = *out;
+    if (!frontend)
         return;
     for (int i = 0; i < WORKERS; i++) {
-        struct worker *w = &l->workers[i];
+        struct worker *w = &frontend->workers[i];
         if (w->todo)
             queue_stop(w->todo);
         worker_thread_close(&w->thread);
@@ -196,40 +200,42 @@ void map_frontend_close(struct map_frontend **out)
         free(w->gray);
     }
     for (int i = 0; i < SLOTS; i++) {
-        map_frame_free(&l->slots[i].result.observed);
-        free(l->slots[i].color);
-        free(l->slots[i].depth);
-        free(l->slots[i].jpeg);
+        map_frame_free(&frontend->slots[i].result.observed);
+        free(frontend->slots[i].color);
+        free(frontend->slots[i].depth);
+        free(frontend->slots[i].jpeg);
     }
-    free(l);
+    free(frontend);
     *out = NULL;
 }
 
-bool map_frontend_full(const struct map_frontend *l) { return l->put - l->taken == SLOTS; }
+bool map_frontend_full(const struct map_frontend *frontend) { return frontend->put - frontend->taken == SLOTS; }
 
-static enum status copy(struct slot *s, const struct calibration *c, const struct frame *frame, int32_t number)
+static enum status copy_frame(struct slot *slot, const struct calibration *calibration, const struct frame *frame,
+                              int32_t number)
 {
-    s->result = (struct map_frontend_result){.frame = *frame, .number = number};
-    s->result.observed = (struct map_frame){.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
-    s->result.frame.dmabuf = NULL;
-    memcpy(s->color, frame->color, (size_t)c->color.width * (size_t)c->color.height * 3);
-    s->result.frame.color = s->color;
+    slot->result = (struct map_frontend_result){.frame = *frame, .number = number};
+    slot->result.observed = (struct map_frame){.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
+    slot->result.frame.dmabuf = NULL;
+    memcpy(slot->color, frame->color, (size_t)calibration->color.width * (size_t)calibration->color.height * 3);
+    slot->result.frame.color = slot->color;
     if (frame->depth) {
-        memcpy(s->depth, frame->depth, (size_t)c->depth.width * (size_t)c->depth.height * sizeof *s->depth);
-        s->result.frame.depth = s->depth;
+        memcpy(slot->depth, frame->depth,
+               (size_t)calibration->depth.width * (size_t)calibration->depth.height * sizeof *slot->depth);
+        slot->result.frame.depth = slot->depth;
     }
     if (!frame->jpeg)
         return OK;
-    if (s->jpeg_capacity < frame->jpeg_bytes) {
-        free(s->jpeg);
-        s->jpeg_capacity = 0;
-        s->jpeg = malloc(frame->jpeg_bytes);
-        if (!s->jpeg)
+    if (slot->jpeg_capacity < frame->jpeg_bytes) {
+        free(slot->jpeg);
+        slot->jpeg_capacity = 0;
+        slot->jpeg = malloc(frame->jpeg_bytes);
+        if (!slot->jpeg)
             return fail(ERR_MEMORY, "no memory for a picture of the sweep");
-        s->jpeg_capacity = frame->jpeg_bytes;
+        slot->jpeg_capacity = frame->jpeg_bytes;
     }
-    memcpy(s->jpeg, frame->jpeg, frame->jpeg_bytes);
-    s->result.frame.jpeg = s->jpeg;
+    memcpy(slot->jpeg, frame->jpeg, frame->jpeg_bytes);
+    slot->result.frame.jpeg = slot->jpeg;
     return OK;
 }
 
@@ -238,7 +244,7 @@ enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, 
     assert(!map_frontend_full(l));
     struct slot *s = &l->slots[l->put % SLOTS];
     struct worker *w = &l->workers[l->put % WORKERS];
-    enum status status = copy(s, &l->map->calibration, frame, number);
+    enum status status = copy_frame(s, &l->map->calibration, frame, number);
     if (status != OK)
         return status;
     l->put++;

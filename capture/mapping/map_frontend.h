@@ -26,7 +26,7 @@ MUST_CHECK enum status map_frontend_open(struct map_frontend **out, const struct
                                          const struct mapper_options *options);
 
 // True when it holds as many images as it can: take one before the next put.
-bool map_frontend_full(const struct map_frontend *l);
+bool map_frontend_full(const struct map_frontend *frontend);
 
 // Copies the image. Not while full. ERR_MEMORY: the image was not put.
 MUST_CHECK enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, int32_t number);
@@ -36,5 +36,5 @@ MUST_CHECK enum status map_frontend_take(struct map_frontend *l, struct map_fron
 
 void map_frontend_close(struct map_frontend **l); // NULL is fine; sets *l = NULL
 
-bool map_depth_usable(const struct calibration *c); // depth pixels lie on colour pixels, at the same size
-void map_frame_free(struct map_frame *f);           // frees what it holds; zeroes it
+bool map_depth_usable(const struct calibration *calibration); // depth pixels lie on colour pixels, at the same size
+void map_frame_free(struct map_frame *frame);                 // frees what it holds; zeroes it

@@ -1,8 +1,7 @@
 // World axes of a new map: up from the tags or from the surfaces in the depth, also of a sensor that hung upside down;
 // the floor as a robust plane fit.
-#include "capture/mapping/map_internal.h"
-
 #include "base/linear_algebra.h"
+#include "capture/mapping/map_internal.h"
 
 #include <stdlib.h>
 
@@ -33,12 +32,12 @@ struct surface_samples {
     int32_t count;
 };
 
-static bool depth_point(const struct map *m, const struct map_frame *f, int x, int y, struct vec3 *out)
+static bool depth_point(const struct map *map, const struct map_frame *frame, int x, int y, struct vec3 *out)
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     if (x < 0 || y < 0 || x >= lens->width || y >= lens->height)
         return false;
-    double z = f->depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3 * m->depth_scale;
+    double z = frame->depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3 * map->depth_scale;
     if (!(z > 0.3) || z > 6)
         return false;
     *out = v3_scale(lens_ray(lens, (struct pixel){x, y}), z);
@@ -47,44 +46,44 @@ static bool depth_point(const struct map *m, const struct map_frame *f, int x, i
 
 // Adds the depth sample at (x, y) with its surface normal, from the neighbours REACH_PX away; nothing where one is
 // missing or the surface is seen at a grazing angle.
-static void add_surface_sample(const struct map *m, const struct map_frame *f, struct pixel at, int step,
-                               struct surface_samples *s)
+static void add_surface_sample(const struct map *map, const struct map_frame *frame, struct pixel at, int step,
+                               struct surface_samples *samples)
 {
-    const struct lens *lens = &m->calibration.color;
-    const struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    const struct lens *lens = &map->calibration.color;
+    const struct pose world_from_camera = pose_inverse(frame->camera_from_world);
     const int x = (int)at.x, y = (int)at.y;
     struct vec3 p, l, r, t, b;
-    if (s->count == MAX_SURFACE_POINTS || !depth_point(m, f, x, y, &p) || !depth_point(m, f, x - REACH_PX, y, &l) ||
-        !depth_point(m, f, x + REACH_PX, y, &r) || !depth_point(m, f, x, y - REACH_PX, &t) ||
-        !depth_point(m, f, x, y + REACH_PX, &b))
+    if (samples->count == MAX_SURFACE_POINTS || !depth_point(map, frame, x, y, &p) ||
+        !depth_point(map, frame, x - REACH_PX, y, &l) || !depth_point(map, frame, x + REACH_PX, y, &r) ||
+        !depth_point(map, frame, x, y - REACH_PX, &t) || !depth_point(map, frame, x, y + REACH_PX, &b))
         return;
     struct vec3 normal = v3_unit(v3_cross(v3_sub(r, l), v3_sub(t, b))); // towards the camera
     double facing = -v3_dot(normal, v3_unit(p));
     if (facing < 0.1)
         return;
-    s->points[s->count] = pose_apply(world_from_camera, p);
-    s->normals[s->count] = quat_rotate(world_from_camera.rotation, normal);
-    s->weights[s->count] = 1 / (depth_absolute_sigma_m(p.z) * depth_absolute_sigma_m(p.z));
-    s->areas[s->count++] = p.z * p.z * step * step / (lens->fx * lens->fy * facing);
+    samples->points[samples->count] = pose_apply(world_from_camera, p);
+    samples->normals[samples->count] = quat_rotate(world_from_camera.rotation, normal);
+    samples->weights[samples->count] = 1 / (depth_absolute_sigma_m(p.z) * depth_absolute_sigma_m(p.z));
+    samples->areas[samples->count++] = p.z * p.z * step * step / (lens->fx * lens->fy * facing);
 }
 
 // Depth samples of all frames on a grid, with normals; the grid is coarse enough for MAX_SURFACE_POINTS.
-static void collect_surface(const struct map *m, struct surface_samples *s)
+static void collect_surface(const struct map *map, struct surface_samples *samples)
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     int32_t images = 0;
-    for (int32_t i = 0; i < m->frame_count; i++)
-        images += m->frames[i].placed && m->frames[i].depth;
+    for (int32_t i = 0; i < map->frame_count; i++)
+        images += map->frames[i].placed && map->frames[i].depth;
     int step = STEP_PX;
     while ((int64_t)images * (lens->width / step) * (lens->height / step) > MAX_SURFACE_POINTS)
         step += 2;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         if (!f->placed || !f->depth)
             continue;
         for (int y = step; y < lens->height - step; y += step)
             for (int x = step; x < lens->width - step; x += step)
-                add_surface_sample(m, f, (struct pixel){x, y}, step, s);
+                add_surface_sample(map, f, (struct pixel){x, y}, step, samples);
     }
 }
 
@@ -102,23 +101,23 @@ static void select_horizontal(const struct surface_samples *all, struct vec3 up,
 }
 
 // The mean up direction of the image, world axes.
-static struct vec3 mean_camera_up(const struct map *m)
+static struct vec3 mean_camera_up(const struct map *map)
 {
     struct vec3 held = v3(0, 0, 0);
-    for (int32_t i = 0; i < m->frame_count; i++)
-        if (m->frames[i].placed)
-            held = v3_add(held, quat_rotate(quat_conjugate(m->frames[i].camera_from_world.rotation), v3(0, -1, 0)));
+    for (int32_t i = 0; i < map->frame_count; i++)
+        if (map->frames[i].placed)
+            held = v3_add(held, quat_rotate(quat_conjugate(map->frames[i].camera_from_world.rotation), v3(0, -1, 0)));
     return v3_unit(held);
 }
 
 // Votes of all tags for direction d: each votes with its first axis that is parallel to d. *sum: the sum of those axes.
-static double count_votes(const struct map *m, struct vec3 d, struct vec3 *sum)
+static double count_votes(const struct map *map, struct vec3 d, struct vec3 *sum)
 {
     double votes = 0;
     *sum = v3(0, 0, 0);
-    for (int32_t k = 0; k < m->tag_count; k++)
-        for (int v = 0; v < 5 && m->tags[k].mapped; v++) {
-            struct vec3 other = tag_direction(&m->tags[k], v);
+    for (int32_t k = 0; k < map->tag_count; k++)
+        for (int v = 0; v < 5 && map->tags[k].mapped; v++) {
+            struct vec3 other = tag_direction(&map->tags[k], v);
             if (v3_dot(other, d) > ALIGNED_COS) {
                 *sum = v3_add(*sum, other);
                 votes += v < 2 || v == 4 ? 1 : 0.8; // few hang tags sideways
@@ -130,17 +129,17 @@ static double count_votes(const struct map *m, struct vec3 d, struct vec3 *sum)
 
 // Up by a vote of the tags; where that is ambiguous (all tags on one wall), the direction nearest to the camera's mean
 // up direction `held`.
-static struct vec3 up_from_tags(const struct map *m, struct vec3 held)
+static struct vec3 up_from_tags(const struct map *map, struct vec3 held)
 {
     struct vec3 best = v3(0, 0, 0);
-    double most = -1e9;
-    for (int32_t i = 0; i < m->tag_count; i++) {
-        for (int w = 0; w < 5 && m->tags[i].mapped; w++) {
-            struct vec3 d = tag_direction(&m->tags[i], w), sum;
-            double votes = count_votes(m, d, &sum);
+    double max = -1e9;
+    for (int32_t i = 0; i < map->tag_count; i++) {
+        for (int w = 0; w < 5 && map->tags[i].mapped; w++) {
+            struct vec3 d = tag_direction(&map->tags[i], w), sum;
+            double votes = count_votes(map, d, &sum);
             double score = votes + 2 * v3_dot(d, held);
-            if (score > most) {
-                most = score;
+            if (score > max) {
+                max = score;
                 best = v3_unit(sum);
             }
         }
@@ -150,25 +149,25 @@ static struct vec3 up_from_tags(const struct map *m, struct vec3 held)
 
 // Up from surfaces (Manhattan-world assumption): most surfaces in a room are horizontal or vertical. Among the normals
 // near the camera's mean up direction, the one with most surface area parallel or perpendicular to it.
-static struct vec3 up_from_surfaces(const struct surface_samples *s, struct vec3 held)
+static struct vec3 up_from_surfaces(const struct surface_samples *samples, struct vec3 held)
 {
     struct vec3 best = held;
-    double most = 0;
-    int32_t step = s->count / MAX_UP_CANDIDATES + 1;
-    for (int32_t i = 0; i < s->count; i += step) {
-        struct vec3 d = s->normals[i], sum = v3(0, 0, 0);
+    double max = 0;
+    int32_t step = samples->count / MAX_UP_CANDIDATES + 1;
+    for (int32_t i = 0; i < samples->count; i += step) {
+        struct vec3 d = samples->normals[i], sum = v3(0, 0, 0);
         double area = 0;
         if (v3_dot(d, held) < MAX_CAMERA_TILT_COS)
             continue;
-        for (int32_t k = 0; k < s->count; k += step) {
-            double along = v3_dot(s->normals[k], d);
+        for (int32_t k = 0; k < samples->count; k += step) {
+            double along = v3_dot(samples->normals[k], d);
             if (along > LEVEL_COS)
-                sum = v3_add(sum, v3_scale(s->normals[k], s->areas[k]));
+                sum = v3_add(sum, v3_scale(samples->normals[k], samples->areas[k]));
             if (along > LEVEL_COS || fabs(along) < UPRIGHT_COS)
-                area += s->areas[k];
+                area += samples->areas[k];
         }
-        if (area > most) {
-            most = area;
+        if (area > max) {
+            max = area;
             best = v3_unit(sum);
         }
     }
@@ -176,26 +175,26 @@ static struct vec3 up_from_surfaces(const struct surface_samples *s, struct vec3
 }
 
 // The lowest height with much horizontal surface: the lowest large peak of a histogram of area by height. False: none.
-static bool lowest_plane_height(const struct surface_samples *s, struct vec3 up, double *height)
+static bool lowest_plane_height(const struct surface_samples *samples, struct vec3 up, double *height)
 {
-    double area[BINS] = {0}, low = 1e9, most = 0;
-    for (int32_t i = 0; i < s->count; i++)
-        low = fmin(low, v3_dot(up, s->points[i]));
-    for (int32_t i = 0; i < s->count; i++) {
-        int bin = (int)((v3_dot(up, s->points[i]) - low) / BIN_M);
+    double area[BINS] = {0}, low = 1e9, max = 0;
+    for (int32_t i = 0; i < samples->count; i++)
+        low = fmin(low, v3_dot(up, samples->points[i]));
+    for (int32_t i = 0; i < samples->count; i++) {
+        int bin = (int)((v3_dot(up, samples->points[i]) - low) / BIN_M);
         if (bin >= 0 && bin < BINS)
-            area[bin] += s->areas[i];
+            area[bin] += samples->areas[i];
     }
     double level[BINS] = {0};
     for (int i = 0; i < BINS; i++) {
         for (int k = -3; k <= 3; k++)
             level[i] += i + k >= 0 && i + k < BINS ? area[i + k] : 0;
-        most = fmax(most, level[i]);
+        max = fmax(max, level[i]);
     }
-    if (most < 0.5) // square metres; the same floor counts once for each frame
+    if (max < 0.5) // square metres; the same floor counts once for each frame
         return false;
     for (int i = 0; i < BINS; i++) {
-        bool peak = level[i] > 0.3 * most;
+        bool peak = level[i] > 0.3 * max;
         for (int k = -5; k <= 5; k++)
             peak = peak && (i + k < 0 || i + k >= BINS || level[i] >= level[i + k]);
         if (peak) {
@@ -208,16 +207,16 @@ static bool lowest_plane_height(const struct surface_samples *s, struct vec3 up,
 
 // Fits the plane up . p = height to the samples near it: iteratively reweighted least squares with a Geman-McClure
 // kernel. False: too few samples, less than 0.2 m of spread in one direction, or a tilt above TILT_RAD.
-static bool fit_floor(const struct surface_samples *s, struct vec3 *up, double *height)
+static bool fit_floor(const struct surface_samples *samples, struct vec3 *up, double *height)
 {
     struct vec3 u = *up, x = v3_perpendicular(u), y = v3_cross(u, x);
     double a = 0, b = 0, c = *height;
     for (int round = 0; round < 6; round++) {
         double n[9] = {0}, g[3] = {0};
-        for (int32_t i = 0; i < s->count; i++) {
-            double px = v3_dot(x, s->points[i]), py = v3_dot(y, s->points[i]);
-            double error = v3_dot(u, s->points[i]) - (a * px + b * py + c), sigma = 1 / sqrt(s->weights[i]);
-            double bound = fmax(2 * sigma, round ? 0.01 : 0.03), weight = s->weights[i];
+        for (int32_t i = 0; i < samples->count; i++) {
+            double px = v3_dot(x, samples->points[i]), py = v3_dot(y, samples->points[i]);
+            double error = v3_dot(u, samples->points[i]) - (a * px + b * py + c), sigma = 1 / sqrt(samples->weights[i]);
+            double bound = fmax(2 * sigma, round ? 0.01 : 0.03), weight = samples->weights[i];
             weight /= (1 + error * error / (bound * bound)) * (1 + error * error / (bound * bound));
             const double q[3] = {px, py, 1};
             for (int k = 0; k < 3; k++) {
@@ -243,20 +242,20 @@ static bool fit_floor(const struct surface_samples *s, struct vec3 *up, double *
     return true;
 }
 
-static void surface_samples_free(struct surface_samples *s)
+static void surface_samples_free(struct surface_samples *samples)
 {
-    free(s->points);
-    free(s->normals);
-    free(s->weights);
-    free(s->areas);
+    free(samples->points);
+    free(samples->normals);
+    free(samples->weights);
+    free(samples->areas);
 }
 
-static bool surface_samples_alloc(struct surface_samples *s)
+static bool surface_samples_alloc(struct surface_samples *samples)
 {
-    *s = (struct surface_samples){
+    *samples = (struct surface_samples){
         malloc(MAX_SURFACE_POINTS * sizeof(struct vec3)), malloc(MAX_SURFACE_POINTS * sizeof(struct vec3)),
         malloc(MAX_SURFACE_POINTS * sizeof(double)), malloc(MAX_SURFACE_POINTS * sizeof(double)), 0};
-    return s->points && s->normals && s->weights && s->areas;
+    return samples->points && samples->normals && samples->weights && samples->areas;
 }
 
 // What faces up: all of it, and what is not the lowest plane, as tables and seats are.
@@ -280,17 +279,18 @@ static struct facing area_facing(const struct surface_samples *all, struct vec3 
 }
 
 // Up if the camera was held with its own up as `held`.
-static struct vec3 up_for(const struct map *m, const struct surface_samples *all, struct vec3 held)
+static struct vec3 up_for(const struct map *map, const struct surface_samples *all, struct vec3 held)
 {
-    return m->tag_count ? up_from_tags(m, held) : up_from_surfaces(all, held);
+    return map->tag_count ? up_from_tags(map, held) : up_from_surfaces(all, held);
 }
 
 // Up, by tags or surfaces, both of which leave open which way round: as the camera was held, unless what it saw stands
 // on its head. A room has floor, seats and tables that face up, and little but the ceiling faces down. A tag tells
 // nothing: some print theirs upside down, and some hang them on the ceiling.
-static struct vec3 find_up(const struct map *m, const struct surface_samples *all, struct surface_samples *flat)
+static struct vec3 find_up(const struct map *map, const struct surface_samples *all, struct surface_samples *flat)
 {
-    const struct vec3 held = mean_camera_up(m), up = up_for(m, all, held), other = up_for(m, all, v3_scale(held, -1));
+    const struct vec3 held = mean_camera_up(map), up = up_for(map, all, held),
+                      other = up_for(map, all, v3_scale(held, -1));
     const struct facing as_held = area_facing(all, up, flat), turned = area_facing(all, other, flat);
     const bool hung =
         turned.all_m2 > OTHER_WAY * as_held.all_m2 && turned.higher_m2 > OTHER_WAY * as_held.higher_m2 + OTHER_WAY_M2;
@@ -299,15 +299,15 @@ static struct vec3 find_up(const struct map *m, const struct surface_samples *al
 
 // Up, by tags where there are some, else by surfaces, and the floor's height along
 // it where it was seen in depth: OK, else NOTHING and *height unchanged.
-static enum status find_floor(const struct map *m, struct vec3 *up, double *height)
+static enum status find_floor(const struct map *map, struct vec3 *up, double *height)
 {
     struct surface_samples all = {0}, flat = {0};
     enum status status = NOTHING;
     bool allocated = surface_samples_alloc(&all) && surface_samples_alloc(&flat);
-    if (allocated && m->calibration.registered && m->calibration.depth.width)
-        collect_surface(m, &all);
+    if (allocated && map->calibration.registered && map->calibration.depth.width)
+        collect_surface(map, &all);
     if (allocated) {
-        *up = find_up(m, &all, &flat);
+        *up = find_up(map, &all, &flat);
         select_horizontal(&all, *up, &flat);
         // Twice: the first time `up` is only as accurate as the tags hang.
         for (int round = 0; round < 2; round++)
@@ -321,25 +321,25 @@ static enum status find_floor(const struct map *m, struct vec3 *up, double *heig
     return status;
 }
 
-static void transform_map(struct map *m, struct pose new_from_old)
+static void transform_map(struct map *map, struct pose new_from_old)
 {
     struct pose old_from_new = pose_inverse(new_from_old);
-    for (int32_t i = 0; i < m->frame_count; i++)
-        if (m->frames[i].placed)
-            m->frames[i].camera_from_world = pose_multiply(m->frames[i].camera_from_world, old_from_new);
-    for (int32_t i = 0; i < m->tag_count; i++)
-        if (m->tags[i].mapped)
-            m->tags[i].world_from_tag = pose_multiply(new_from_old, m->tags[i].world_from_tag);
-    for (int32_t i = 0; i < m->point_count; i++)
-        m->points[i].world = pose_apply(new_from_old, m->points[i].world);
+    for (int32_t i = 0; i < map->frame_count; i++)
+        if (map->frames[i].placed)
+            map->frames[i].camera_from_world = pose_multiply(map->frames[i].camera_from_world, old_from_new);
+    for (int32_t i = 0; i < map->tag_count; i++)
+        if (map->tags[i].mapped)
+            map->tags[i].world_from_tag = pose_multiply(new_from_old, map->tags[i].world_from_tag);
+    for (int32_t i = 0; i < map->point_count; i++)
+        map->points[i].world = pose_apply(new_from_old, map->points[i].world);
 }
 
 // The tag with the lowest id, or NULL; *lowest: the least height of any corner.
-static const struct map_tag *first_tag(const struct map *m, struct vec3 up, double *lowest)
+static const struct map_tag *first_tag(const struct map *map, struct vec3 up, double *lowest)
 {
     const struct map_tag *first = NULL;
-    for (int32_t i = 0; i < m->tag_count; i++) {
-        const struct map_tag *tag = &m->tags[i];
+    for (int32_t i = 0; i < map->tag_count; i++) {
+        const struct map_tag *tag = &map->tags[i];
         if (!tag->mapped)
             continue;
         if (!first || tag->id < first->id)
@@ -363,12 +363,12 @@ static void axes_from_tag(const struct map_tag *tag, struct vec3 up, struct vec3
     *origin = tag->world_from_tag.translation;
 }
 
-static void axes_from_frame(const struct map *m, struct vec3 up, struct vec3 *x, struct vec3 *origin)
+static void axes_from_frame(const struct map *map, struct vec3 up, struct vec3 *x, struct vec3 *origin)
 {
     int32_t i = 0;
-    while (!m->frames[i].placed)
+    while (!map->frames[i].placed)
         i++;
-    struct pose world_from_camera = pose_inverse(m->frames[i].camera_from_world);
+    struct pose world_from_camera = pose_inverse(map->frames[i].camera_from_world);
     struct vec3 ahead = quat_rotate(world_from_camera.rotation, v3(0, 0, 1));
     if (fabs(v3_dot(ahead, up)) > 0.9) // it was pointed at the floor or the ceiling
         ahead = quat_rotate(world_from_camera.rotation, v3(0, -1, 0));
@@ -376,11 +376,11 @@ static void axes_from_frame(const struct map *m, struct vec3 up, struct vec3 *x,
     *origin = world_from_camera.translation;
 }
 
-static double lowest_point(const struct map *m, struct vec3 up)
+static double lowest_point(const struct map *map, struct vec3 up)
 {
-    double low = m->point_count ? 1e9 : 0;
-    for (int32_t i = 0; i < m->point_count; i++)
-        low = fmin(low, v3_dot(up, m->points[i].world));
+    double low = map->point_count ? 1e9 : 0;
+    for (int32_t i = 0; i < map->point_count; i++)
+        low = fmin(low, v3_dot(up, map->points[i].world));
     return low;
 }
 

@@ -96,9 +96,9 @@ static inline double map_reprojection_px(const struct lens *lens, struct vec3 p,
 // Standard deviation of a tag's corners in a map that still grows, pixels. Chosen by hand.
 static const double MAP_TAG_PX = 0.1;
 // Tags of frame f that are in the map, as pnp_solve takes them; out: PNP_MAX_TAGS. `used` is set. Returns the count.
-int map_tag_correspondences(const struct map *m, const struct map_frame *f, struct pnp_tag *out);
+int map_tag_correspondences(const struct map *map, const struct map_frame *frame, struct pnp_tag *out);
 // The tag that most frames show: the best one to fix the gauge. mapped: only among those in the map. -1: none.
-int32_t map_most_observed_tag(const struct map *m, bool mapped);
+int32_t map_most_observed_tag(const struct map *map, bool mapped);
 
 // ---- map_registration.c: incremental growth of the pose graph of frames and tags
 // From single tags to an initial pose of every tag and frame that are connected; without any tag listed, from one frame
@@ -123,7 +123,7 @@ MUST_CHECK enum status map_judge(struct map *m, struct mapper_report *report);
 MUST_CHECK enum status map_check_use(const struct map *m, const struct mapper_report *report);
 
 // After map_bootstrap: tags that the sweep shows in two positions are no longer mapped.
-void map_remove_outlier_tags(struct map *m);
+void map_remove_outlier_tags(struct map *map);
 
 // ---- map_bundle_adjust.c: bundle adjustment (Triggs et al. 2000) with robust kernels
 // Frames, tags and landmarks together.
@@ -139,16 +139,16 @@ MUST_CHECK enum status map_bundle_adjust_subset(struct map *m, int rounds, const
 // The lens that fits best, with everything else free; the map stays as it is.
 MUST_CHECK enum status map_fit_lens(struct map *m, int rounds, struct ba_lens *lens);
 // Corrects all depth by a factor.
-void map_scale_depth(struct map *m, double times);
+void map_scale_depth(struct map *map, double times);
 // The joint covariance of all tags at their present poses. tags: 6 tag_count on a side, row-major; each tag's six
 // numbers are in its own axes, rotation (rad), then translation (m), as bundle_adjustment.h has them.
 MUST_CHECK enum status map_joint_tag_covariance(struct map *m, double *tags);
 // Sets rms_px, rms_m, and each tag's rms_px and observations.
-void map_compute_residuals(struct map *m);
+void map_compute_residuals(struct map *map);
 
 // Rolling shutter: moves the observations of placed frames to where the camera at the middle row's time would have seen
 // them, as far as the map and the neighbouring frames tell. Each map_bundle_adjust begins with it.
-void map_undo_rolling_shutter(struct map *m);
+void map_undo_rolling_shutter(struct map *map);
 
 // ---- map_landmarks.c: landmarks from ORB features (Rublee et al. 2011)
 // Buffers for one frame at a time.
@@ -158,31 +158,31 @@ struct map_scratch {
     struct feature_index index;
     struct landmark_match matches[MAP_MAX_FEATURES];
 };
-void map_index_features(struct map_scratch *d, const struct map *m, const struct map_frame *f);
-// All landmarks of the map against the features in *d, with the tags of the same frame, which may be none.
-static inline struct match_query map_match_query(const struct map *m, const struct map_scratch *d, struct pnp_tag *tags,
-                                                 int tag_count)
+void map_index_features(struct map_scratch *scratch, const struct map *map, const struct map_frame *frame);
+// All landmarks of the map against the features in *scratch, with the tags of the same frame, which may be none.
+static inline struct match_query map_match_query(const struct map *map, const struct map_scratch *scratch,
+                                                 struct pnp_tag *tags, int tag_count)
 {
-    return (struct match_query){.points = m->points,
-                                .point_count = m->point_count,
-                                .index = &d->index,
-                                .depth = d->depth,
-                                .lens = &m->calibration.color,
+    return (struct match_query){.points = map->points,
+                                .point_count = map->point_count,
+                                .index = &scratch->index,
+                                .depth = scratch->depth,
+                                .lens = &map->calibration.color,
                                 .tags = tags,
                                 .tag_count = tag_count};
 }
-// The first `count` of d->matches become what the frame shows.
-void map_assign_matches(struct map_frame *f, const struct map_scratch *d, int count);
+// The first `count` of scratch->matches become what the frame shows.
+void map_assign_matches(struct map_frame *frame, const struct map_scratch *scratch, int count);
 // Features without a landmark become landmarks, where their depth is measured or can be triangulated.
-void map_create_landmarks(struct map *m, struct map_frame *f);
+void map_create_landmarks(struct map *map, struct map_frame *frame);
 // Matches landmarks from placed frame to placed frame and refines the frames' poses.
 MUST_CHECK enum status map_build_landmarks(struct map *m);
-// Matches all landmarks in all frames again and adjusts everything, twice. The `most` best new landmarks are kept, each
+// Matches all landmarks in all frames again and adjusts everything, twice. The `max` best new landmarks are kept, each
 // with its medoid descriptor.
-MUST_CHECK enum status map_refine_landmarks(struct map *m, int32_t most);
+MUST_CHECK enum status map_refine_landmarks(struct map *m, int32_t max);
 
 // Sets triangulated_depth of the features of a placed frame, from the other placed frames.
-void map_triangulate(const struct map *m, struct map_frame *f);
+void map_triangulate(const struct map *map, struct map_frame *frame);
 // Removes the observations of new landmarks that were seen from nearly one direction only. ERR_MEMORY.
 MUST_CHECK enum status map_cull_low_parallax(struct map *m);
 
@@ -211,7 +211,7 @@ MUST_CHECK enum status map_release_moved_tags(struct map *m);
 // ERR_INPUT: the sweep shows nothing of the place.
 MUST_CHECK enum status map_check_overlap(const struct map *m);
 // After map_compute_residuals: adds the observations of earlier sweeps.
-void map_merge_residuals(struct map *m, const struct place *prior);
+void map_merge_residuals(struct map *map, const struct place *prior);
 // Copies of the earlier sweeps' views. ERR_MEMORY.
 MUST_CHECK enum status map_copy_prior_views(const struct place *prior, struct place *out);
 

@@ -24,16 +24,16 @@ static const double SAME_DEPTH_SHARE = 0.05; // depths that differ by less than 
 static const float MAX_SCALE_RATIO = 1.6F;
 
 // The frames with the most similar viewing direction among those with a usable baseline. Returns how many.
-static int find_partners(const struct map *m, const struct map_frame *f, const struct map_frame *out[PARTNERS])
+static int find_partners(const struct map *map, const struct map_frame *frame, const struct map_frame *out[PARTNERS])
 {
     double angles[PARTNERS];
     int count = 0;
-    const struct pose from = pose_inverse(f->camera_from_world);
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *other = &m->frames[i];
+    const struct pose from = pose_inverse(frame->camera_from_world);
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *other = &map->frames[i];
         const struct pose to = pose_inverse(other->camera_from_world);
         double baseline = v3_distance(from.translation, to.translation), angle = pose_angle(from, to);
-        if (other == f || !other->placed || baseline < MIN_BASELINE_M || baseline > MAX_BASELINE_M ||
+        if (other == frame || !other->placed || baseline < MIN_BASELINE_M || baseline > MAX_BASELINE_M ||
             angle > MAX_ROTATION)
             continue;
         int at = count < PARTNERS ? count++ : PARTNERS;
@@ -73,58 +73,58 @@ struct depth_match {
     double depth;
 };
 
-static void match_frames(const struct map *m, const struct map_frame *f, const struct vec3 *rays,
+static void match_frames(const struct map *map, const struct map_frame *frame, const struct vec3 *rays,
                          const struct map_frame *other, struct depth_match *matches)
 {
-    const struct lens *lens = &m->calibration.color;
-    const struct pose f_from_other = pose_multiply(f->camera_from_world, pose_inverse(other->camera_from_world));
+    const struct lens *lens = &map->calibration.color;
+    const struct pose f_from_other = pose_multiply(frame->camera_from_world, pose_inverse(other->camera_from_world));
     for (int32_t k = 0; k < other->feature_count; k++) {
-        const struct feature *b = &other->features[k].feature;
-        const struct vec3 ray = lens_ray(lens, b->at);
-        for (int32_t i = 0; i < f->feature_count; i++) {
-            const struct feature *a = &f->features[i].feature;
-            struct depth_match *l = &matches[i];
-            if (a->scale > MAX_SCALE_RATIO * b->scale || b->scale > MAX_SCALE_RATIO * a->scale)
+        const struct feature *feature = &other->features[k].feature;
+        const struct vec3 ray = lens_ray(lens, feature->at);
+        for (int32_t i = 0; i < frame->feature_count; i++) {
+            const struct feature *a = &frame->features[i].feature;
+            struct depth_match *match = &matches[i];
+            if (a->scale > MAX_SCALE_RATIO * feature->scale || feature->scale > MAX_SCALE_RATIO * a->scale)
                 continue;
-            int bits = feature_distance(a->descriptor, b->descriptor);
+            int bits = feature_distance(a->descriptor, feature->descriptor);
             struct vec3 p;
-            if (bits > MAX_BITS || bits >= l->other_bits ||
-                !intersect_rays(rays[i], ray, f_from_other, MAX_ERROR_PX * (double)fmaxf(a->scale, b->scale) / lens->fx,
-                                &p))
+            if (bits > MAX_BITS || bits >= match->other_bits ||
+                !intersect_rays(rays[i], ray, f_from_other,
+                                MAX_ERROR_PX * (double)fmaxf(a->scale, feature->scale) / lens->fx, &p))
                 continue;
-            bool same = l->depth > 0 && fabs(p.z - l->depth) < SAME_DEPTH_SHARE * l->depth;
-            if (bits < l->bits)
-                *l = (struct depth_match){bits, same ? l->other_bits : l->bits, p.z};
+            bool same = match->depth > 0 && fabs(p.z - match->depth) < SAME_DEPTH_SHARE * match->depth;
+            if (bits < match->bits)
+                *match = (struct depth_match){bits, same ? match->other_bits : match->bits, p.z};
             else if (!same)
-                l->other_bits = bits;
+                match->other_bits = bits;
         }
     }
 }
 
-void map_triangulate(const struct map *m, struct map_frame *f)
+void map_triangulate(const struct map *map, struct map_frame *frame)
 {
     const struct map_frame *partners[PARTNERS];
     struct vec3 rays[MAP_MAX_FEATURES];
     struct depth_match matches[MAP_MAX_FEATURES];
-    for (int32_t i = 0; i < f->feature_count; i++) {
-        rays[i] = lens_ray(&m->calibration.color, f->features[i].feature.at);
+    for (int32_t i = 0; i < frame->feature_count; i++) {
+        rays[i] = lens_ray(&map->calibration.color, frame->features[i].feature.at);
         matches[i] = (struct depth_match){MAX_BITS + 1, MAX_BITS + 1 + MARGIN_BITS, 0};
     }
-    int count = find_partners(m, f, partners);
+    int count = find_partners(map, frame, partners);
     for (int i = 0; i < count; i++)
-        match_frames(m, f, rays, partners[i], matches);
-    for (int32_t i = 0; i < f->feature_count; i++)
-        f->features[i].triangulated_depth =
+        match_frames(map, frame, rays, partners[i], matches);
+    for (int32_t i = 0; i < frame->feature_count; i++)
+        frame->features[i].triangulated_depth =
             matches[i].other_bits - matches[i].bits > MARGIN_BITS ? matches[i].depth : 0;
 }
 
 enum status map_cull_low_parallax(struct map *m)
 {
     struct vec3 *first = calloc((size_t)m->point_count + 1, sizeof *first); // direction of the first observation
-    double *least = malloc(sizeof *least * ((size_t)m->point_count + 1));   // least cosine between that and any other
-    enum status status = first && least ? OK : fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
+    double *min = malloc(sizeof *min * ((size_t)m->point_count + 1));       // least cosine between that and any other
+    enum status status = first && min ? OK : fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
     for (int32_t i = 0; i < m->point_count && status == OK; i++)
-        least[i] = 1;
+        min[i] = 1;
     for (int32_t i = 0; i < m->frame_count && status == OK; i++) {
         const struct map_frame *f = &m->frames[i];
         const struct vec3 eye = pose_inverse(f->camera_from_world).translation;
@@ -134,7 +134,7 @@ enum status map_cull_low_parallax(struct map *m)
                 continue;
             const struct vec3 way = v3_unit(v3_sub(m->points[point].world, eye));
             if (v3_dot(first[point], first[point]) > 0)
-                least[point] = fmin(least[point], v3_dot(first[point], way));
+                min[point] = fmin(min[point], v3_dot(first[point], way));
             else
                 first[point] = way;
         }
@@ -142,11 +142,11 @@ enum status map_cull_low_parallax(struct map *m)
     for (int32_t i = 0; i < m->frame_count && status == OK; i++)
         for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
             struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= m->held_points && !(least[s->point] < cos(MIN_PARALLAX)))
+            if (s->point >= m->held_points && !(min[s->point] < cos(MIN_PARALLAX)))
                 s->point = -1;
         }
     free(first);
-    free(least);
+    free(min);
     return status;
 }
 
@@ -171,38 +171,39 @@ struct loop_scratch {
     int32_t count;
 };
 
-static void mark_covisible(const struct map *m, const struct map_frame *f, struct loop_scratch *d)
+static void mark_covisible(const struct map *map, const struct map_frame *frame, struct loop_scratch *scratch)
 {
-    memset(d->known, 0, (size_t)m->point_count * sizeof *d->known);
-    for (int32_t k = 0; k < f->feature_count; k++)
-        if (f->features[k].point >= 0)
-            d->known[f->features[k].point] = true;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        d->covisible[i] = false;
-        for (int32_t k = 0; k < m->frames[i].feature_count && !d->covisible[i]; k++)
-            d->covisible[i] = m->frames[i].features[k].point >= 0 && d->known[m->frames[i].features[k].point];
+    memset(scratch->known, 0, (size_t)map->point_count * sizeof *scratch->known);
+    for (int32_t k = 0; k < frame->feature_count; k++)
+        if (frame->features[k].point >= 0)
+            scratch->known[frame->features[k].point] = true;
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        scratch->covisible[i] = false;
+        for (int32_t k = 0; k < map->frames[i].feature_count && !scratch->covisible[i]; k++)
+            scratch->covisible[i] =
+                map->frames[i].features[k].point >= 0 && scratch->known[map->frames[i].features[k].point];
     }
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count && d->covisible[i]; k++)
-            if (m->frames[i].features[k].point >= 0)
-                d->known[m->frames[i].features[k].point] = true;
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 0; k < map->frames[i].feature_count && scratch->covisible[i]; k++)
+            if (map->frames[i].features[k].point >= 0)
+                scratch->known[map->frames[i].features[k].point] = true;
 }
 
-static void select_old_points(const struct map *m, const struct map_frame *f, struct loop_scratch *d)
+static void select_old_points(const struct map *map, const struct map_frame *frame, struct loop_scratch *scratch)
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     double wide = SEARCH_WIDTH * lens->width / lens->fx / 2, high = SEARCH_WIDTH * lens->height / lens->fy / 2;
-    d->count = 0;
-    for (int32_t i = 0; i < m->point_count; i++) {
-        struct vec3 p = pose_apply(f->camera_from_world, m->points[i].world);
-        if (d->known[i] || !(p.z > 0.1) || fabs(p.x) > wide * p.z || fabs(p.y) > high * p.z)
+    scratch->count = 0;
+    for (int32_t i = 0; i < map->point_count; i++) {
+        struct vec3 p = pose_apply(frame->camera_from_world, map->points[i].world);
+        if (scratch->known[i] || !(p.z > 0.1) || fabs(p.x) > wide * p.z || fabs(p.y) > high * p.z)
             continue;
-        d->points[d->count] = m->points[i];
-        d->point_index[d->count++] = i;
+        scratch->points[scratch->count] = map->points[i];
+        scratch->point_index[scratch->count++] = i;
     }
 }
 
-static int32_t root(const int32_t *merged_into, int32_t i)
+static int32_t find_root(const int32_t *merged_into, int32_t i)
 {
     while (merged_into[i] != i)
         i = merged_into[i];
@@ -210,64 +211,64 @@ static int32_t root(const int32_t *merged_into, int32_t i)
 }
 
 // Matches the frame's features with old landmarks. Returns how many match.
-static int match_old_points(struct map *m, struct map_frame *f, struct loop_scratch *d)
+static int match_old_points(struct map *map, struct map_frame *map_frame, struct loop_scratch *scratch)
 {
     struct pose pose;
-    struct map_scratch *frame = &d->frame;
-    const struct lens *lens = &m->calibration.color;
+    struct map_scratch *frame = &scratch->frame;
+    const struct lens *lens = &map->calibration.color;
     int agree, matched = 0;
-    map_index_features(frame, m, f);
+    map_index_features(frame, map, map_frame);
     const struct match_query query = {
-        .points = d->points, .point_count = d->count, .index = &frame->index, .lens = lens};
+        .points = scratch->points, .point_count = scratch->count, .index = &frame->index, .lens = lens};
     int count = relocalize_match(&query, frame->matches, MAP_MAX_FEATURES);
     if (!relocalize(&query, frame->matches, count, NULL, &pose, &agree) || agree < MIN_INLIERS)
         return 0;
     count =
         landmarks_match(&query, (struct match_window){INLIER_PX, false}, NULL, &pose, frame->matches, MAP_MAX_FEATURES);
     for (int k = 0; k < count; k++) {
-        struct map_feature *s = &f->features[frame->matches[k].feature];
-        int32_t old = d->point_index[frame->matches[k].point];
-        if (s->point < 0) {
-            s->point = old;
+        struct map_feature *feature = &map_frame->features[frame->matches[k].feature];
+        int32_t old = scratch->point_index[frame->matches[k].point];
+        if (feature->point < 0) {
+            feature->point = old;
         } else {
-            int32_t a = root(d->merged_into, s->point), b = root(d->merged_into, old);
-            if (a >= m->held_points || b >= m->held_points)
-                d->merged_into[a > b ? a : b] = a > b ? b : a; // the lower index is the older one
+            int32_t a = find_root(scratch->merged_into, feature->point), b = find_root(scratch->merged_into, old);
+            if (a >= map->held_points || b >= map->held_points)
+                scratch->merged_into[a > b ? a : b] = a > b ? b : a; // the lower index is the older one
         }
         matched++;
     }
     return matched;
 }
 
-static void apply_merges(struct map *m, const int32_t *merged_into)
+static void apply_merges(struct map *map, const int32_t *merged_into)
 {
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                m->frames[i].features[k].point = root(merged_into, m->frames[i].features[k].point);
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 0; k < map->frames[i].feature_count; k++)
+            if (map->frames[i].features[k].point >= 0)
+                map->frames[i].features[k].point = find_root(merged_into, map->frames[i].features[k].point);
 }
 
-static enum status loop_scratch_alloc(struct loop_scratch *d, const struct map *m)
+static enum status loop_scratch_alloc(struct loop_scratch *scratch, const struct map *map)
 {
-    size_t points = (size_t)m->point_count + 1;
-    d->merged_into = malloc(points * sizeof *d->merged_into);
-    d->known = malloc(points * sizeof *d->known);
-    d->points = malloc(points * sizeof *d->points);
-    d->point_index = malloc(points * sizeof *d->point_index);
-    d->covisible = malloc((size_t)m->frame_count + 1);
-    return d->merged_into && d->known && d->points && d->point_index && d->covisible
+    size_t points = (size_t)map->point_count + 1;
+    scratch->merged_into = malloc(points * sizeof *scratch->merged_into);
+    scratch->known = malloc(points * sizeof *scratch->known);
+    scratch->points = malloc(points * sizeof *scratch->points);
+    scratch->point_index = malloc(points * sizeof *scratch->point_index);
+    scratch->covisible = malloc((size_t)map->frame_count + 1);
+    return scratch->merged_into && scratch->known && scratch->points && scratch->point_index && scratch->covisible
                ? OK
                : fail(ERR_MEMORY, "no memory to close the loops of a sweep");
 }
 
-static void loop_scratch_free(struct loop_scratch *d)
+static void loop_scratch_free(struct loop_scratch *scratch)
 {
-    free(d->merged_into);
-    free(d->known);
-    free(d->points);
-    free(d->point_index);
-    free(d->covisible);
-    free(d);
+    free(scratch->merged_into);
+    free(scratch->known);
+    free(scratch->points);
+    free(scratch->point_index);
+    free(scratch->covisible);
+    free(scratch);
 }
 
 enum status map_close_loops(struct map *m)
@@ -305,191 +306,193 @@ static const double DUPLICATE_M = 0.03; // landmarks this near, per axis, with s
 enum { DUPLICATE_BITS = 40, ROUNDS = 6, REFINE_ROUNDS = 15 };
 
 // Two views always agree on some depth along the epipolar line, so without depth a third one has to confirm it.
-static int min_observations(const struct map *m) { return m->has_depth ? 2 : 3; }
+static int min_observations(const struct map *map) { return map->has_depth ? 2 : 3; }
 
-void map_index_features(struct map_scratch *d, const struct map *m, const struct map_frame *f)
+void map_index_features(struct map_scratch *scratch, const struct map *map, const struct map_frame *frame)
 {
-    for (int32_t i = 0; i < f->feature_count; i++) {
-        d->features[i] = f->features[i].feature;
-        d->depth[i] = f->features[i].depth;
+    for (int32_t i = 0; i < frame->feature_count; i++) {
+        scratch->features[i] = frame->features[i].feature;
+        scratch->depth[i] = frame->features[i].depth;
     }
-    feature_index_build(&d->index, d->features, f->feature_count, &m->calibration.color);
+    feature_index_build(&scratch->index, scratch->features, frame->feature_count, &map->calibration.color);
 }
 
-void map_assign_matches(struct map_frame *f, const struct map_scratch *d, int count)
+void map_assign_matches(struct map_frame *frame, const struct map_scratch *scratch, int count)
 {
-    for (int32_t i = 0; i < f->feature_count; i++)
-        f->features[i].point = -1;
+    for (int32_t i = 0; i < frame->feature_count; i++)
+        frame->features[i].point = -1;
     for (int i = 0; i < count; i++)
-        f->features[d->matches[i].feature].point = d->matches[i].point;
+        frame->features[scratch->matches[i].feature].point = scratch->matches[i].point;
 }
 
-void map_create_landmarks(struct map *m, struct map_frame *f)
+void map_create_landmarks(struct map *map, struct map_frame *frame)
 {
-    struct pose world_from_camera = pose_inverse(f->camera_from_world);
-    if (!m->has_depth)
-        map_triangulate(m, f);
-    for (int32_t i = 0; i < f->feature_count && m->point_count < m->point_capacity; i++) {
-        struct map_feature *s = &f->features[i];
-        double depth = m->has_depth ? s->depth : s->triangulated_depth;
-        if (s->point >= 0 || !(depth > 0))
+    struct pose world_from_camera = pose_inverse(frame->camera_from_world);
+    if (!map->has_depth)
+        map_triangulate(map, frame);
+    for (int32_t i = 0; i < frame->feature_count && map->point_count < map->point_capacity; i++) {
+        struct map_feature *feature = &frame->features[i];
+        double depth = map->has_depth ? feature->depth : feature->triangulated_depth;
+        if (feature->point >= 0 || !(depth > 0))
             continue;
-        struct vec3 ray = lens_ray(&m->calibration.color, s->feature.at);
-        struct place_landmark *p = &m->points[m->point_count];
+        struct vec3 ray = lens_ray(&map->calibration.color, feature->feature.at);
+        struct place_landmark *p = &map->points[map->point_count];
         *p = (struct place_landmark){.world = pose_apply(world_from_camera, v3_scale(ray, depth))};
-        memcpy(p->descriptor, s->feature.descriptor, sizeof p->descriptor);
-        s->point = m->point_count++;
+        memcpy(p->descriptor, feature->feature.descriptor, sizeof p->descriptor);
+        feature->point = map->point_count++;
     }
 }
 
 // Matches the map's landmarks in one frame, refines its pose by them, adds new ones.
-static void add_frame_landmarks(struct map *m, struct map_scratch *d, struct map_frame *f)
+static void add_frame_landmarks(struct map *map, struct map_scratch *scratch, struct map_frame *frame)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
-    int count = 0, tag_count = map_tag_correspondences(m, f, tags), with_depth = 0;
-    f->visited = true;
-    map_index_features(d, m, f);
-    const struct match_query query = map_match_query(m, d, tags, tag_count);
-    bool known = landmarks_refine_pose(&query, NULL, &f->camera_from_world, d->matches, MAP_MAX_FEATURES, &count);
-    map_assign_matches(f, d, known ? count : 0);
-    for (int32_t i = 0; i < f->feature_count; i++)
-        with_depth += !m->has_depth || f->features[i].depth > 0;
+    int count = 0, tag_count = map_tag_correspondences(map, frame, tags), with_depth = 0;
+    frame->visited = true;
+    map_index_features(scratch, map, frame);
+    const struct match_query query = map_match_query(map, scratch, tags, tag_count);
+    bool known =
+        landmarks_refine_pose(&query, NULL, &frame->camera_from_world, scratch->matches, MAP_MAX_FEATURES, &count);
+    map_assign_matches(frame, scratch, known ? count : 0);
+    for (int32_t i = 0; i < frame->feature_count; i++)
+        with_depth += !map->has_depth || frame->features[i].depth > 0;
     // The pose from one tag alone is too inaccurate to add landmarks beside those of other frames. Where there are none
     // yet, the other frames are registered to this one and all are adjusted together.
-    bool first = m->has_depth && !m->point_count;
+    bool first = map->has_depth && !map->point_count;
     if ((known || tag_count > 1 || first) && 2 * count < with_depth)
-        map_create_landmarks(m, f);
+        map_create_landmarks(map, frame);
 }
 
 // Landmarks that are near each other and have similar descriptors become one.
-static enum status merge_duplicates(struct map *m)
+static enum status merge_duplicates(struct map *map)
 {
-    int32_t *merged_into = malloc((size_t)(m->point_count + 1) * sizeof *merged_into);
+    int32_t *merged_into = malloc((size_t)(map->point_count + 1) * sizeof *merged_into);
     if (!merged_into)
-        return fail(ERR_MEMORY, "no memory to compare %d points", (int)m->point_count);
-    for (int32_t i = 0; i < m->point_count; i++) {
+        return fail(ERR_MEMORY, "no memory to compare %d points", (int)map->point_count);
+    for (int32_t i = 0; i < map->point_count; i++) {
         merged_into[i] = i;
-        for (int32_t k = 0; k < i && i >= m->held_points; k++) {
-            struct vec3 d = v3_sub(m->points[i].world, m->points[k].world);
+        for (int32_t k = 0; k < i && i >= map->held_points; k++) {
+            struct vec3 d = v3_sub(map->points[i].world, map->points[k].world);
             if (merged_into[k] == k && fabs(d.x) < DUPLICATE_M && fabs(d.y) < DUPLICATE_M && fabs(d.z) < DUPLICATE_M &&
-                feature_distance(m->points[i].descriptor, m->points[k].descriptor) < DUPLICATE_BITS) {
+                feature_distance(map->points[i].descriptor, map->points[k].descriptor) < DUPLICATE_BITS) {
                 merged_into[i] = k;
                 break;
             }
         }
     }
     int32_t kept = 0;
-    for (int32_t i = 0; i < m->point_count; i++) {
+    for (int32_t i = 0; i < map->point_count; i++) {
         if (merged_into[i] == i) {
-            m->points[kept] = m->points[i];
+            map->points[kept] = map->points[i];
             merged_into[i] = kept++;
         } else {
             merged_into[i] = merged_into[merged_into[i]]; // k < i, so already final
         }
     }
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                m->frames[i].features[k].point = merged_into[m->frames[i].features[k].point];
-    m->point_count = kept;
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 0; k < map->frames[i].feature_count; k++)
+            if (map->frames[i].features[k].point >= 0)
+                map->frames[i].features[k].point = merged_into[map->frames[i].features[k].point];
+    map->point_count = kept;
     free(merged_into);
     return OK;
 }
 
 // Matches every landmark in every placed frame again, near its projection.
-static void rematch_all(struct map *m, struct map_scratch *d)
+static void rematch_all(struct map *map, struct map_scratch *scratch)
 {
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        struct map_frame *f = &map->frames[i];
         if (!f->placed)
             continue;
-        map_index_features(d, m, f);
-        const struct match_query query = map_match_query(m, d, NULL, 0);
+        map_index_features(scratch, map, f);
+        const struct match_query query = map_match_query(map, scratch, NULL, 0);
         int count = landmarks_match(&query, (struct match_window){REMATCH_PX, false}, NULL, &f->camera_from_world,
-                                    d->matches, MAP_MAX_FEATURES);
-        map_assign_matches(f, d, count);
+                                    scratch->matches, MAP_MAX_FEATURES);
+        map_assign_matches(f, scratch, count);
     }
 }
 
-static void count_observations(struct map *m)
+static void count_observations(struct map *map)
 {
-    memset(m->point_observations, 0, (size_t)m->point_count * sizeof *m->point_observations);
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                m->point_observations[m->frames[i].features[k].point]++;
+    memset(map->point_observations, 0, (size_t)map->point_count * sizeof *map->point_observations);
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 0; map->frames[i].placed && k < map->frames[i].feature_count; k++)
+            if (map->frames[i].features[k].point >= 0)
+                map->point_observations[map->frames[i].features[k].point]++;
 }
 
 // Removes observations that are outliers to the adjusted map (more than 4 standard deviations), then those of landmarks
 // with too few observations left.
-static void cull_outliers(struct map *m)
+static void cull_outliers(struct map *map)
 {
-    const struct lens *lens = &m->calibration.color;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
+    const struct lens *lens = &map->calibration.color;
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        struct map_frame *f = &map->frames[i];
         for (int32_t k = 0; k < f->feature_count; k++) {
-            struct map_feature *s = &f->features[k];
-            if (s->point < 0)
+            struct map_feature *feature = &f->features[k];
+            if (feature->point < 0)
                 continue;
-            struct vec3 ray = lens_ray(lens, s->feature.at);
-            struct pnp_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
-            landmark_covariance(&m->points[s->point], &s->feature, lens, &f->camera_from_world, p.covariance);
+            struct vec3 ray = lens_ray(lens, feature->feature.at);
+            struct pnp_point p = {.world = map->points[feature->point].world, .x = ray.x, .y = ray.y};
+            landmark_covariance(&map->points[feature->point], &feature->feature, lens, &f->camera_from_world,
+                                p.covariance);
             if (!f->placed || pnp_point_error(&p, NULL, &f->camera_from_world, lens->fx, lens->fy) > 4)
-                s->point = -1;
+                feature->point = -1;
         }
     }
-    count_observations(m);
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
-            struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= m->held_points && m->point_observations[s->point] < min_observations(m))
-                s->point = -1;
+    count_observations(map);
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 0; k < map->frames[i].feature_count; k++) {
+            struct map_feature *feature = &map->frames[i].features[k];
+            if (feature->point >= map->held_points && map->point_observations[feature->point] < min_observations(map))
+                feature->point = -1;
         }
-    count_observations(m);
+    count_observations(map);
 }
 
 // Without depth only a landmark's observations determine its distance. Where their chi-square is larger than in one
 // case of a hundred, the landmark is not a single point (a T-junction of a near and a far edge, or one that slides
 // along an edge), and its error exceeds its covariance. It is removed. chi2 with n degrees of freedom has mean n and
 // variance 2n; two numbers an observation, three for the position.
-static enum status cull_inconsistent(struct map *m)
+static enum status cull_inconsistent(struct map *map)
 {
     static const double ONE_IN_A_HUNDRED = 2.33; // standard deviations
-    const struct lens *lens = &m->calibration.color;
-    double *squares = calloc((size_t)m->point_count + 1, sizeof *squares);
+    const struct lens *lens = &map->calibration.color;
+    double *squares = calloc((size_t)map->point_count + 1, sizeof *squares);
     if (!squares)
-        return fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
+        return fail(ERR_MEMORY, "no memory to check %d points", (int)map->point_count);
     for (int pass = 0; pass < 2; pass++)
-        for (int32_t i = 0; i < m->frame_count; i++)
-            for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
-                struct map_feature *s = &m->frames[i].features[k];
-                if (s->point < m->held_points)
+        for (int32_t i = 0; i < map->frame_count; i++)
+            for (int32_t k = 0; k < map->frames[i].feature_count; k++) {
+                struct map_feature *feature = &map->frames[i].features[k];
+                if (feature->point < map->held_points)
                     continue;
-                struct vec3 ray = lens_ray(lens, s->feature.at);
-                struct pnp_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
-                match_covariance(&m->points[s->point], &s->feature, p.covariance);
-                double error = pnp_point_error(&p, NULL, &m->frames[i].camera_from_world, lens->fx, lens->fy);
-                double spare = 2.0 * m->point_observations[s->point] - 3;
+                struct vec3 ray = lens_ray(lens, feature->feature.at);
+                struct pnp_point p = {.world = map->points[feature->point].world, .x = ray.x, .y = ray.y};
+                match_covariance(&map->points[feature->point], &feature->feature, p.covariance);
+                double error = pnp_point_error(&p, NULL, &map->frames[i].camera_from_world, lens->fx, lens->fy);
+                double spare = 2.0 * map->point_observations[feature->point] - 3;
                 if (!pass)
-                    squares[s->point] += error * error;
-                else if (!(squares[s->point] <= spare + ONE_IN_A_HUNDRED * sqrt(2 * spare)))
-                    s->point = -1;
+                    squares[feature->point] += error * error;
+                else if (!(squares[feature->point] <= spare + ONE_IN_A_HUNDRED * sqrt(2 * spare)))
+                    feature->point = -1;
             }
     free(squares);
-    count_observations(m);
+    count_observations(map);
     return OK;
 }
 
 // The first frame to take landmarks from: the one that shows most mapped tags. -1: none.
-static int32_t best_frame(const struct map *m)
+static int32_t best_frame(const struct map *map)
 {
     int32_t best = -1;
-    int most = 0;
-    for (int32_t i = 0; i < m->frame_count; i++) {
+    int max = 0;
+    for (int32_t i = 0; i < map->frame_count; i++) {
         struct pnp_tag tags[PNP_MAX_TAGS];
-        int count = m->frames[i].placed ? map_tag_correspondences(m, &m->frames[i], tags) : 0;
-        if (count > most) {
-            most = count;
+        int count = map->frames[i].placed ? map_tag_correspondences(map, &map->frames[i], tags) : 0;
+        if (count > max) {
+            max = count;
             best = i;
         }
     }
@@ -502,10 +505,10 @@ struct ranked {
 
 static int by_observations(const void *left, const void *right)
 {
-    const struct ranked *a = left, *b = right;
-    if (a->observations != b->observations)
-        return a->observations > b->observations ? -1 : 1;
-    return (a->point > b->point) - (a->point < b->point);
+    const struct ranked *ranked = left, *b = right;
+    if (ranked->observations != b->observations)
+        return ranked->observations > b->observations ? -1 : 1;
+    return (ranked->point > b->point) - (ranked->point < b->point);
 }
 
 // Observations that constrain a frame well enough while the map grows; more of them cost time. Chosen by hand.
@@ -516,17 +519,17 @@ struct covisibility {
     int32_t *start, *observers;
 };
 
-static void covisibility_free(struct covisibility *s)
+static void covisibility_free(struct covisibility *covisibility)
 {
-    free(s->start);
-    free(s->observers);
+    free(covisibility->start);
+    free(covisibility->observers);
 }
 
-static enum status list_covisibility(const struct map *m, struct covisibility *out)
+static enum status list_covisibility(const struct map *map, struct covisibility *out)
 {
-    size_t points = (size_t)m->point_count, observations = 0;
+    size_t points = (size_t)map->point_count, observations = 0;
     for (size_t p = 0; p < points; p++)
-        observations += (size_t)m->point_observations[p];
+        observations += (size_t)map->point_observations[p];
     *out =
         (struct covisibility){calloc(points + 1, sizeof *out->start), calloc(observations + 1, sizeof *out->observers)};
     if (!out->start || !out->observers) {
@@ -536,44 +539,45 @@ static enum status list_covisibility(const struct map *m, struct covisibility *o
     // Each start is first the end of the landmark's list; filling it backwards moves it to the beginning.
     int32_t end = 0;
     for (size_t p = 0; p < points; p++)
-        out->start[p] = end += m->point_observations[p];
+        out->start[p] = end += map->point_observations[p];
     out->start[points] = end;
-    for (int32_t i = m->frame_count - 1; i >= 0; i--)
-        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                out->observers[--out->start[m->frames[i].features[k].point]] = i;
+    for (int32_t i = map->frame_count - 1; i >= 0; i--)
+        for (int32_t k = 0; map->frames[i].placed && k < map->frames[i].feature_count; k++)
+            if (map->frames[i].features[k].point >= 0)
+                out->observers[--out->start[map->frames[i].features[k].point]] = i;
     return OK;
 }
 
 // Goes through the landmarks, those with most observations first, and includes each that is shown by a frame with too
 // few included ones.
-static void select_subset(const struct map *m, const struct covisibility *s, struct ranked *order, bool *included)
+static void select_subset(const struct map *map, const struct covisibility *covisibility, struct ranked *order,
+                          bool *included)
 {
     int32_t held_by[MAP_MAX_FRAMES] = {0};
-    for (int32_t i = 0; i < m->point_count; i++)
-        order[i] = (struct ranked){i, m->point_observations[i]};
-    qsort(order, (size_t)m->point_count, sizeof *order, by_observations);
-    for (int32_t n = 0; n < m->point_count; n++) {
+    for (int32_t i = 0; i < map->point_count; i++)
+        order[i] = (struct ranked){i, map->point_observations[i]};
+    qsort(order, (size_t)map->point_count, sizeof *order, by_observations);
+    for (int32_t n = 0; n < map->point_count; n++) {
         int32_t point = order[n].point;
-        for (int32_t k = s->start[point]; k < s->start[point + 1]; k++)
-            included[point] = included[point] || held_by[s->observers[k]] < MIN_FRAME_OBSERVATIONS;
-        for (int32_t k = s->start[point]; included[point] && k < s->start[point + 1]; k++)
-            held_by[s->observers[k]]++;
+        for (int32_t k = covisibility->start[point]; k < covisibility->start[point + 1]; k++)
+            included[point] = included[point] || held_by[covisibility->observers[k]] < MIN_FRAME_OBSERVATIONS;
+        for (int32_t k = covisibility->start[point]; included[point] && k < covisibility->start[point + 1]; k++)
+            held_by[covisibility->observers[k]]++;
     }
 }
 
 // Adjusts with as few landmarks as constrain the frames: enough while the map grows.
-static enum status adjust_subset(struct map *m)
+static enum status adjust_subset(struct map *map)
 {
     struct covisibility covisibility;
-    enum status status = list_covisibility(m, &covisibility);
+    enum status status = list_covisibility(map, &covisibility);
     if (status != OK)
         return status;
-    struct ranked *order = calloc((size_t)m->point_count + 1, sizeof *order);
-    bool *included = calloc((size_t)m->point_count + 1, sizeof *included);
+    struct ranked *order = calloc((size_t)map->point_count + 1, sizeof *order);
+    bool *included = calloc((size_t)map->point_count + 1, sizeof *included);
     if (order && included) {
-        select_subset(m, &covisibility, order, included);
-        status = map_bundle_adjust_subset(m, ROUNDS, included);
+        select_subset(map, &covisibility, order, included);
+        status = map_bundle_adjust_subset(map, ROUNDS, included);
     } else {
         status = fail(ERR_MEMORY, "no memory to adjust the map");
     }
@@ -600,36 +604,36 @@ enum status map_build_landmarks(struct map *m)
     return adjust_subset(m);
 }
 
-// Keeps the constant landmarks, and of the others the `most` with most observations. ERR_MEMORY.
-static enum status keep_best(struct map *m, int32_t most)
+// Keeps the constant landmarks, and of the others the `max` with most observations. ERR_MEMORY.
+static enum status keep_best(struct map *map, int32_t max)
 {
-    struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
-    int32_t *now = malloc((size_t)(m->point_count + 1) * sizeof *now);
-    struct place_landmark *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
+    struct ranked *order = malloc((size_t)(map->point_count + 1) * sizeof *order);
+    int32_t *now = malloc((size_t)(map->point_count + 1) * sizeof *now);
+    struct place_landmark *chosen = malloc((size_t)(map->point_count + 1) * sizeof *chosen);
     enum status status =
-        order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
-    int32_t count = 0, held = m->held_points;
+        order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)map->point_count);
+    int32_t count = 0, held = map->held_points;
     for (int32_t i = 0; i < held && status == OK; i++)
         now[i] = i;
-    for (int32_t i = held; i < m->point_count && status == OK; i++) {
+    for (int32_t i = held; i < map->point_count && status == OK; i++) {
         now[i] = -1;
-        if (m->point_observations[i] >= min_observations(m) && v3_finite(m->points[i].world))
-            order[count++] = (struct ranked){i, m->point_observations[i]};
+        if (map->point_observations[i] >= min_observations(map) && v3_finite(map->points[i].world))
+            order[count++] = (struct ranked){i, map->point_observations[i]};
     }
     if (status == OK) {
         qsort(order, (size_t)count, sizeof *order, by_observations);
-        count = count < most ? count : most;
+        count = count < max ? count : max;
         for (int32_t n = 0; n < count; n++) {
-            chosen[n] = m->points[order[n].point];
+            chosen[n] = map->points[order[n].point];
             now[order[n].point] = held + n;
         }
-        memcpy(m->points + held, chosen, (size_t)count * sizeof *chosen);
-        m->point_count = held + count;
-        for (int32_t i = 0; i < m->frame_count; i++)
-            for (int32_t k = 0; k < m->frames[i].feature_count; k++)
-                if (m->frames[i].features[k].point >= 0)
-                    m->frames[i].features[k].point = now[m->frames[i].features[k].point];
-        count_observations(m);
+        memcpy(map->points + held, chosen, (size_t)count * sizeof *chosen);
+        map->point_count = held + count;
+        for (int32_t i = 0; i < map->frame_count; i++)
+            for (int32_t k = 0; k < map->frames[i].feature_count; k++)
+                if (map->frames[i].features[k].point >= 0)
+                    map->frames[i].features[k].point = now[map->frames[i].features[k].point];
+        count_observations(map);
     }
     free(order);
     free(now);
@@ -638,36 +642,37 @@ static enum status keep_best(struct map *m, int32_t most)
 }
 
 // Gives each new landmark the medoid of its observations' descriptors (Hamming distance). ERR_MEMORY.
-static enum status select_descriptors(struct map *m)
+static enum status select_descriptors(struct map *map)
 {
     enum { MOST = 12 };
-    const uint8_t **seen = calloc((size_t)m->point_count * MOST + 1, sizeof *seen);
-    int *count = calloc((size_t)m->point_count + 1, sizeof *count);
-    for (int32_t i = 0; i < m->frame_count && seen && count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
-            const struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= 0 && count[s->point] < MOST)
-                seen[s->point * MOST + count[s->point]++] = s->feature.descriptor;
+    const uint8_t **seen = calloc((size_t)map->point_count * MOST + 1, sizeof *seen);
+    int *count = calloc((size_t)map->point_count + 1, sizeof *count);
+    for (int32_t i = 0; i < map->frame_count && seen && count; i++)
+        for (int32_t k = 0; k < map->frames[i].feature_count; k++) {
+            const struct map_feature *feature = &map->frames[i].features[k];
+            if (feature->point >= 0 && count[feature->point] < MOST)
+                seen[feature->point * MOST + count[feature->point]++] = feature->feature.descriptor;
         }
-    for (int32_t i = m->held_points; i < m->point_count && seen && count; i++) {
-        int least = 1 << 30;
+    for (int32_t i = map->held_points; i < map->point_count && seen && count; i++) {
+        int min = 1 << 30;
         for (int a = 0; a < count[i]; a++) {
             int sum = 0;
             for (int b = 0; b < count[i]; b++)
                 sum += feature_distance(seen[i * MOST + a], seen[i * MOST + b]);
-            if (sum < least) {
-                least = sum;
-                memcpy(m->points[i].descriptor, seen[i * MOST + a], sizeof m->points[i].descriptor);
+            if (sum < min) {
+                min = sum;
+                memcpy(map->points[i].descriptor, seen[i * MOST + a], sizeof map->points[i].descriptor);
             }
         }
     }
-    enum status status = seen && count ? OK : fail(ERR_MEMORY, "no memory to describe %d points", (int)m->point_count);
+    enum status status =
+        seen && count ? OK : fail(ERR_MEMORY, "no memory to describe %d points", (int)map->point_count);
     free(seen);
     free(count);
     return status;
 }
 
-enum status map_refine_landmarks(struct map *m, int32_t most)
+enum status map_refine_landmarks(struct map *m, int32_t max)
 {
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
@@ -679,7 +684,7 @@ enum status map_refine_landmarks(struct map *m, int32_t most)
             status = map_cull_low_parallax(m);
         cull_outliers(m);
         if (status == OK)
-            status = keep_best(m, most);
+            status = keep_best(m, max);
         if (status == OK)
             status = round ? map_bundle_adjust(m, REFINE_ROUNDS, false, NULL)
                            : map_bundle_adjust_depth_scale(m, REFINE_ROUNDS);
@@ -690,7 +695,7 @@ enum status map_refine_landmarks(struct map *m, int32_t most)
     if (!m->has_depth && status == OK) // without the observations just removed
         status = map_bundle_adjust(m, REFINE_ROUNDS, false, NULL);
     if (status == OK)
-        status = keep_best(m, most);
+        status = keep_best(m, max);
     if (status == OK)
         status = select_descriptors(m);
     free(d);

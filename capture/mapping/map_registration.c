@@ -19,17 +19,17 @@ static const double UNAMBIGUOUS_COST = 100;
 
 // Places frames that see a mapped tag; those with two possible planar poses only where `accept_ambiguous`. Returns how
 // many were placed.
-static int place_frames(struct map *m, bool accept_ambiguous)
+static int place_frames(struct map *map, bool accept_ambiguous)
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     int placed = 0;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        struct map_frame *f = &map->frames[i];
         struct pnp_tag tags[PNP_MAX_TAGS];
         struct pnp_solution fit;
         if (f->placed)
             continue;
-        int count = map_tag_correspondences(m, f, tags);
+        int count = map_tag_correspondences(map, f, tags);
         const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
         enum status status = count ? pnp_solve(&problem, BOOTSTRAP_RMS_PX, &fit) : NOTHING;
         if (status == OK || (status == AMBIGUOUS && accept_ambiguous)) {
@@ -42,22 +42,22 @@ static int place_frames(struct map *m, bool accept_ambiguous)
 }
 
 // Cost of a tag at this pose against its observations in the placed frames: whitened squared residuals.
-static double tag_cost(const struct map *m, int32_t tag, const struct pose *world_from_tag)
+static double tag_cost(const struct map *map, int32_t tag, const struct pose *world_from_tag)
 {
     double cost = 0;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
             if (f->tag_index[k] != tag)
                 continue;
             struct pnp_tag t = {.seen = &f->seen[k],
                                 .depth = f->depths[k].count ? &f->depths[k] : NULL,
                                 .world_from_tag = *world_from_tag,
-                                .side_m = m->tags[tag].side_m,
+                                .side_m = map->tags[tag].side_m,
                                 .map_px = MAP_TAG_PX,
                                 .used = true};
-            cost += pnp_tag_cost(&t, &f->camera_from_world, INITIAL_POSE_PX, m->calibration.color.fx,
-                                 m->calibration.color.fy);
+            cost += pnp_tag_cost(&t, &f->camera_from_world, INITIAL_POSE_PX, map->calibration.color.fx,
+                                 map->calibration.color.fy);
         }
     }
     return cost;
@@ -75,40 +75,40 @@ struct tag_hypotheses {
 
 static const double DISTINCT_RAD = 0.15; // rotations closer than this are one solution
 
-static void add_hypothesis(struct tag_hypotheses *g, struct pose pose, double cost)
+static void add_hypothesis(struct tag_hypotheses *hypotheses, struct pose pose, double cost)
 {
-    bool like_first = g->count && pose_angle(pose, g->pose[0]) < DISTINCT_RAD;
-    if (!g->count || cost < g->cost[0]) {
-        if (g->count && !like_first) {
-            g->pose[1] = g->pose[0];
-            g->cost[1] = g->cost[0];
-            g->count = 2;
+    bool like_first = hypotheses->count && pose_angle(pose, hypotheses->pose[0]) < DISTINCT_RAD;
+    if (!hypotheses->count || cost < hypotheses->cost[0]) {
+        if (hypotheses->count && !like_first) {
+            hypotheses->pose[1] = hypotheses->pose[0];
+            hypotheses->cost[1] = hypotheses->cost[0];
+            hypotheses->count = 2;
         }
-        g->pose[0] = pose;
-        g->cost[0] = cost;
-        g->count = g->count ? g->count : 1;
-        if (g->count == 2 && pose_angle(pose, g->pose[1]) < DISTINCT_RAD)
-            g->count = 1;
-    } else if (!like_first && (g->count < 2 || cost < g->cost[1])) {
-        g->pose[1] = pose;
-        g->cost[1] = cost;
-        g->count = 2;
+        hypotheses->pose[0] = pose;
+        hypotheses->cost[0] = cost;
+        hypotheses->count = hypotheses->count ? hypotheses->count : 1;
+        if (hypotheses->count == 2 && pose_angle(pose, hypotheses->pose[1]) < DISTINCT_RAD)
+            hypotheses->count = 1;
+    } else if (!like_first && (hypotheses->count < 2 || cost < hypotheses->cost[1])) {
+        hypotheses->pose[1] = pose;
+        hypotheses->cost[1] = cost;
+        hypotheses->count = 2;
     }
 }
 
-static struct tag_hypotheses hypothesize_tag(const struct map *m, int32_t tag)
+static struct tag_hypotheses hypothesize_tag(const struct map *map, int32_t tag)
 {
     struct tag_hypotheses g = {.count = 0};
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
             struct pose two[2];
             if (f->tag_index[k] != tag)
                 continue;
-            int n = planar_poses(m->tags[tag].side_m, f->seen[k].ray, two);
+            int n = planar_poses(map->tags[tag].side_m, f->seen[k].ray, two);
             for (int p = 0; p < n; p++) {
                 struct pose world_from_tag = pose_multiply(pose_inverse(f->camera_from_world), two[p]);
-                add_hypothesis(&g, world_from_tag, tag_cost(m, tag, &world_from_tag));
+                add_hypothesis(&g, world_from_tag, tag_cost(map, tag, &world_from_tag));
             }
             g.observations += n > 0;
         }
@@ -121,44 +121,44 @@ struct pose_backup {
     struct pose *frames, *tags;
 };
 
-static void save_poses(const struct map *m, struct pose_backup *s)
+static void save_poses(const struct map *map, struct pose_backup *backup)
 {
-    for (int32_t i = 0; i < m->frame_count; i++)
-        s->frames[i] = m->frames[i].camera_from_world;
-    for (int32_t i = 0; i < m->tag_count; i++)
-        s->tags[i] = m->tags[i].world_from_tag;
+    for (int32_t i = 0; i < map->frame_count; i++)
+        backup->frames[i] = map->frames[i].camera_from_world;
+    for (int32_t i = 0; i < map->tag_count; i++)
+        backup->tags[i] = map->tags[i].world_from_tag;
 }
 
-static void restore_poses(struct map *m, const struct pose_backup *s)
+static void restore_poses(struct map *map, const struct pose_backup *backup)
 {
-    for (int32_t i = 0; i < m->frame_count; i++)
-        m->frames[i].camera_from_world = s->frames[i];
-    for (int32_t i = 0; i < m->tag_count; i++)
-        m->tags[i].world_from_tag = s->tags[i];
+    for (int32_t i = 0; i < map->frame_count; i++)
+        map->frames[i].camera_from_world = backup->frames[i];
+    for (int32_t i = 0; i < map->tag_count; i++)
+        map->tags[i].world_from_tag = backup->tags[i];
 }
 
 // Adds the tag to the map, at that of its two poses with which the adjusted map has the lower cost.
-static enum status add_bootstrap_tag(struct map *m, int32_t tag, const struct tag_hypotheses *g)
+static enum status add_bootstrap_tag(struct map *map, int32_t tag, const struct tag_hypotheses *hypotheses)
 {
-    m->tags[tag].mapped = true;
-    m->tags[tag].world_from_tag = g->pose[0];
-    if (g->count < 2 || g->cost[1] > 2 * g->cost[0] + UNAMBIGUOUS_COST)
+    map->tags[tag].mapped = true;
+    map->tags[tag].world_from_tag = hypotheses->pose[0];
+    if (hypotheses->count < 2 || hypotheses->cost[1] > 2 * hypotheses->cost[0] + UNAMBIGUOUS_COST)
         return OK;
-    size_t frames = (size_t)m->frame_count, tags = (size_t)m->tag_count;
+    size_t frames = (size_t)map->frame_count, tags = (size_t)map->tag_count;
     struct pose *scratch = malloc((frames + tags) * 2 * sizeof *scratch);
     if (!scratch)
         return fail(ERR_MEMORY, "no memory to add a tag to the map");
     struct pose_backup before = {scratch, scratch + frames},
                        first = {scratch + frames + tags, scratch + 2 * frames + tags};
     double cost[2] = {0, 0};
-    save_poses(m, &before);
-    enum status status = map_bundle_adjust(m, ROUNDS, m->point_count > 0, &cost[0]);
+    save_poses(map, &before);
+    enum status status = map_bundle_adjust(map, ROUNDS, map->point_count > 0, &cost[0]);
     if (status == OK) {
-        save_poses(m, &first);
-        restore_poses(m, &before);
-        m->tags[tag].world_from_tag = g->pose[1];
-        if (map_bundle_adjust(m, ROUNDS, m->point_count > 0, &cost[1]) != OK || !(cost[1] < cost[0]))
-            restore_poses(m, &first);
+        save_poses(map, &first);
+        restore_poses(map, &before);
+        map->tags[tag].world_from_tag = hypotheses->pose[1];
+        if (map_bundle_adjust(map, ROUNDS, map->point_count > 0, &cost[1]) != OK || !(cost[1] < cost[0]))
+            restore_poses(map, &first);
     }
     free(scratch);
     return status;
@@ -166,16 +166,16 @@ static enum status add_bootstrap_tag(struct map *m, int32_t tag, const struct ta
 
 // Places frames and tags alternately, as far as their poses are unambiguous. Once landmarks constrain the frames, only
 // the tags are adjusted.
-static enum status grow_unambiguous(struct map *m)
+static enum status grow_unambiguous(struct map *map)
 {
     for (;;) {
-        place_frames(m, false);
-        enum status status = map_bundle_adjust(m, ROUNDS, m->point_count > 0, NULL);
+        place_frames(map, false);
+        enum status status = map_bundle_adjust(map, ROUNDS, map->point_count > 0, NULL);
         struct tag_hypotheses best = {.count = 0};
         int32_t next = -1;
-        for (int32_t t = 0; t < m->tag_count && status == OK; t++) {
+        for (int32_t t = 0; t < map->tag_count && status == OK; t++) {
             struct tag_hypotheses candidate =
-                m->tags[t].mapped ? (struct tag_hypotheses){.count = 0} : hypothesize_tag(m, t);
+                map->tags[t].mapped ? (struct tag_hypotheses){.count = 0} : hypothesize_tag(map, t);
             if (candidate.observations > best.observations) {
                 best = candidate;
                 next = t;
@@ -183,32 +183,32 @@ static enum status grow_unambiguous(struct map *m)
         }
         if (status != OK || next < 0)
             return status;
-        status = add_bootstrap_tag(m, next, &best);
+        status = add_bootstrap_tag(map, next, &best);
         if (status != OK)
             return status;
     }
 }
 
-static enum status bootstrap_from_landmarks(struct map *m)
+static enum status bootstrap_from_landmarks(struct map *map)
 {
     int placed;
-    enum status status = m->has_prior ? OK : map_init_from_depth(m);
+    enum status status = map->has_prior ? OK : map_init_from_depth(map);
     if (status == OK)
-        status = map_register_frames(m, &placed);
+        status = map_register_frames(map, &placed);
     if (status == OK)
-        status = map_bundle_adjust(m, ROUNDS, false, NULL);
-    return status == OK ? map_close_loops(m) : status;
+        status = map_bundle_adjust(map, ROUNDS, false, NULL);
+    return status == OK ? map_close_loops(map) : status;
 }
 
-static enum status init_from_tag(struct map *m)
+static enum status init_from_tag(struct map *map)
 {
-    int32_t reference = map_most_observed_tag(m, false);
+    int32_t reference = map_most_observed_tag(map, false);
     if (reference < 0)
         return fail(ERR_INPUT,
                     "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "
                     "flat, whole and well lit, and their numbers in the list");
-    m->tags[reference].mapped = m->tags[reference].fixed = true;
-    m->tags[reference].world_from_tag = POSE_IDENTITY;
+    map->tags[reference].mapped = map->tags[reference].fixed = true;
+    map->tags[reference].world_from_tag = POSE_IDENTITY;
     return OK;
 }
 
@@ -245,16 +245,16 @@ enum status map_bootstrap(struct map *m, bool use_points)
 
 static const double SAME_SIDE_M = 1e-4; // one measurement, written down twice
 
-static enum status add_merged_tag(struct map *m, int32_t id, double side_m)
+static enum status add_merged_tag(struct map *map, int32_t id, double side_m)
 {
-    for (int32_t i = 0; i < m->tag_count; i++)
-        if (m->tags[i].id == id)
-            return fabs(m->tags[i].side_m - side_m) <= SAME_SIDE_M
+    for (int32_t i = 0; i < map->tag_count; i++)
+        if (map->tags[i].id == id)
+            return fabs(map->tags[i].side_m - side_m) <= SAME_SIDE_M
                        ? OK
                        : fail(ERR_INPUT,
                               "tag %d is %g m wide in the place, but %g m in the list of tags; correct the list",
-                              (int)id, m->tags[i].side_m, side_m);
-    struct map_tag *tag = &m->tags[m->tag_count++];
+                              (int)id, map->tags[i].side_m, side_m);
+    struct map_tag *tag = &map->tags[map->tag_count++];
     tag->id = id;
     tag->side_m = side_m;
     return tag_pattern(id, &tag->pattern)
@@ -295,18 +295,18 @@ enum { MIN_TAGS = 2 };                 // that agree: of two that disagree it is
 enum { MIN_POINTS = 20 };              // landmark inliers
 
 // The pose of a frame by more than a single tag: by the place's landmarks, else by tags that agree.
-static bool register_by_consensus(const struct map *m, struct map_scratch *d, const struct map_frame *f,
+static bool register_by_consensus(const struct map *map, struct map_scratch *scratch, const struct map_frame *frame,
                                   struct pnp_tag *tags, int tag_count, struct pose *camera_from_world)
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     struct pnp_solution fit;
     int agree;
-    map_index_features(d, m, f);
+    map_index_features(scratch, map, frame);
     const struct match_query query = {
-        .points = m->points, .point_count = m->held_points, .index = &d->index, .lens = lens};
+        .points = map->points, .point_count = map->held_points, .index = &scratch->index, .lens = lens};
     const struct pose_problem problem = {.tags = tags, .tag_count = tag_count, .fx = lens->fx, .fy = lens->fy};
-    int count = relocalize_match(&query, d->matches, MAP_MAX_FEATURES);
-    if (relocalize(&query, d->matches, count, NULL, camera_from_world, &agree) && agree >= MIN_POINTS)
+    int count = relocalize_match(&query, scratch->matches, MAP_MAX_FEATURES);
+    if (relocalize(&query, scratch->matches, count, NULL, camera_from_world, &agree) && agree >= MIN_POINTS)
         return true;
     if (pnp_solve(&problem, INLIER_RMS_PX, &fit) != OK || fit.used < MIN_TAGS)
         return false;
@@ -358,17 +358,17 @@ static double rms_of_both(double a, double count_a, double b, double count_b)
     return count > 0 ? sqrt((a * a * count_a + b * b * count_b) / count) : 0;
 }
 
-void map_merge_residuals(struct map *m, const struct place *prior)
+void map_merge_residuals(struct map *map, const struct place *prior)
 {
     double earlier = 0, now = 0;
     bool any_tag = false;
-    for (int32_t i = 0; i < m->tag_count; i++) {
-        now += m->tags[i].observations;
-        any_tag = any_tag || m->tags[i].mapped;
+    for (int32_t i = 0; i < map->tag_count; i++) {
+        now += map->tags[i].observations;
+        any_tag = any_tag || map->tags[i].mapped;
     }
     for (int32_t i = 0; i < prior->tag_count; i++) {
         const struct place_tag *old = &prior->tags[i];
-        struct map_tag *tag = &m->tags[i]; // those of the place come first
+        struct map_tag *tag = &map->tags[i]; // those of the place come first
         if (tag->moved)
             continue;
         tag->rms_px = rms_of_both(old->rms_px, old->observations, tag->rms_px, tag->observations);
@@ -377,10 +377,10 @@ void map_merge_residuals(struct map *m, const struct place *prior)
     }
     if (!any_tag) { // then the errors are those of landmarks
         earlier = prior->point_count;
-        now = m->tag_count ? 0 : m->point_count - m->held_points;
+        now = map->tag_count ? 0 : map->point_count - map->held_points;
     }
-    m->rms_px = rms_of_both(prior->rms_px, earlier, m->rms_px, now);
-    m->rms_m = rms_of_both(prior->rms_m, prior->rms_m > 0 ? earlier : 0, m->rms_m, m->rms_m > 0 ? now : 0);
+    map->rms_px = rms_of_both(prior->rms_px, earlier, map->rms_px, now);
+    map->rms_m = rms_of_both(prior->rms_m, prior->rms_m > 0 ? earlier : 0, map->rms_m, map->rms_m > 0 ? now : 0);
 }
 
 static void *duplicate_bytes(const void *bytes, size_t size)
@@ -448,59 +448,61 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
 enum { MIN_INLIERS = 20 };
 
 // Refines `guess` by the landmarks that d's frame shows, and places the frame there. False: too few inliers.
-static bool refine_and_register(struct map *m, struct map_scratch *d, struct map_frame *f, struct pose guess)
+static bool refine_and_register(struct map *map, struct map_scratch *scratch, struct map_frame *frame,
+                                struct pose guess)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
-    int count = 0, tag_count = map_tag_correspondences(m, f, tags);
-    const struct match_query query = map_match_query(m, d, tags, tag_count);
-    if (!landmarks_refine_pose(&query, NULL, &guess, d->matches, MAP_MAX_FEATURES, &count) || count < MIN_INLIERS)
+    int count = 0, tag_count = map_tag_correspondences(map, frame, tags);
+    const struct match_query query = map_match_query(map, scratch, tags, tag_count);
+    if (!landmarks_refine_pose(&query, NULL, &guess, scratch->matches, MAP_MAX_FEATURES, &count) || count < MIN_INLIERS)
         return false;
-    f->camera_from_world = guess;
-    f->placed = f->visited = true;
-    map_assign_matches(f, d, count);
-    map_create_landmarks(m, f);
+    frame->camera_from_world = guess;
+    frame->placed = frame->visited = true;
+    map_assign_matches(frame, scratch, count);
+    map_create_landmarks(map, frame);
     return true;
 }
 
 // First guess: the neighbour's pose, moved on as the neighbour was from the frame before it. Second: without motion.
-static bool register_from_neighbour(struct map *m, struct map_scratch *d, int32_t i, int step)
+static bool register_from_neighbour(struct map *map, struct map_scratch *scratch, int32_t i, int step)
 {
-    const struct map_frame *neighbour = &m->frames[i - step];
+    const struct map_frame *neighbour = &map->frames[i - step];
     struct pose guess = neighbour->camera_from_world;
     int32_t before = i - 2 * step;
-    if (before >= 0 && before < m->frame_count && m->frames[before].placed)
-        guess = pose_multiply(pose_multiply(guess, pose_inverse(m->frames[before].camera_from_world)), guess);
-    map_index_features(d, m, &m->frames[i]);
-    return refine_and_register(m, d, &m->frames[i], guess) ||
-           refine_and_register(m, d, &m->frames[i], neighbour->camera_from_world);
+    if (before >= 0 && before < map->frame_count && map->frames[before].placed)
+        guess = pose_multiply(pose_multiply(guess, pose_inverse(map->frames[before].camera_from_world)), guess);
+    map_index_features(scratch, map, &map->frames[i]);
+    return refine_and_register(map, scratch, &map->frames[i], guess) ||
+           refine_and_register(map, scratch, &map->frames[i], neighbour->camera_from_world);
 }
 
-static bool relocalize_frame(struct map *m, struct map_scratch *d, struct map_frame *f)
+static bool relocalize_frame(struct map *map, struct map_scratch *scratch, struct map_frame *frame)
 {
     struct pose guess;
     int agree;
-    map_index_features(d, m, f);
-    const struct match_query query = map_match_query(m, d, NULL, 0);
-    int count = relocalize_match(&query, d->matches, MAP_MAX_FEATURES);
-    return relocalize(&query, d->matches, count, NULL, &guess, &agree) && refine_and_register(m, d, f, guess);
+    map_index_features(scratch, map, frame);
+    const struct match_query query = map_match_query(map, scratch, NULL, 0);
+    int count = relocalize_match(&query, scratch->matches, MAP_MAX_FEATURES);
+    return relocalize(&query, scratch->matches, count, NULL, &guess, &agree) &&
+           refine_and_register(map, scratch, frame, guess);
 }
 
 // Drift grows from frame to frame. Everything is adjusted before it exceeds the search radius of landmark matching, so
 // that loops can close. Chosen by hand.
 enum { ADJUST_EVERY = 20, ADJUST_ROUNDS = 6 };
 
-static enum status count_placed(struct map *m, int *placed)
+static enum status count_placed(struct map *map, int *placed)
 {
-    return ++*placed % ADJUST_EVERY == 0 ? map_bundle_adjust(m, ADJUST_ROUNDS, false, NULL) : OK;
+    return ++*placed % ADJUST_EVERY == 0 ? map_bundle_adjust(map, ADJUST_ROUNDS, false, NULL) : OK;
 }
 
-static enum status register_pass(struct map *m, struct map_scratch *d, int step, int *placed)
+static enum status register_pass(struct map *map, struct map_scratch *scratch, int step, int *placed)
 {
     enum status status = OK;
-    for (int32_t n = 1; n < m->frame_count && status == OK; n++) {
-        int32_t i = step > 0 ? n : m->frame_count - 1 - n;
-        if (!m->frames[i].placed && m->frames[i - step].placed && register_from_neighbour(m, d, i, step))
-            status = count_placed(m, placed);
+    for (int32_t n = 1; n < map->frame_count && status == OK; n++) {
+        int32_t i = step > 0 ? n : map->frame_count - 1 - n;
+        if (!map->frames[i].placed && map->frames[i - step].placed && register_from_neighbour(map, scratch, i, step))
+            status = count_placed(map, placed);
     }
     return status;
 }
@@ -528,17 +530,17 @@ enum status map_register_frames(struct map *m, int *placed)
 
 enum status map_init_from_depth(struct map *m)
 {
-    int most = 0;
+    int max = 0;
     for (int32_t i = 0; i < m->frame_count; i++) {
         int count = 0;
         for (int32_t k = 0; k < m->frames[i].feature_count; k++)
             count += m->frames[i].features[k].depth > 0;
-        if (count > most) {
-            most = count;
+        if (count > max) {
+            max = count;
             m->fixed_frame = i;
         }
     }
-    if (most < MIN_INLIERS)
+    if (max < MIN_INLIERS)
         return fail(ERR_INPUT, "no picture shows enough that can be recognised and has depth; film a place with "
                                "things in it, in good light, or hang tags and list them");
     struct map_frame *f = &m->frames[m->fixed_frame];

@@ -27,76 +27,76 @@ static const double MIN_OFFSET_SHARE = 0.5;
 enum { MIN_DISPLACED = 2, ONE_IN = 8 };
 
 // Whether a frame shows its k-th tag elsewhere than the map has it.
-static bool tag_is_displaced(const struct map *m, const struct map_frame *f, int32_t k)
+static bool tag_is_displaced(const struct map *map, const struct map_frame *frame, int32_t k)
 {
-    const struct map_tag *tag = &m->tags[f->tag_index[k]];
-    const struct pose expected = pose_multiply(f->camera_from_world, tag->world_from_tag);
-    return planar_pose_offset_m(tag->side_m, f->seen[k].ray, &expected) > MIN_OFFSET_SHARE * tag->side_m;
+    const struct map_tag *tag = &map->tags[frame->tag_index[k]];
+    const struct pose expected = pose_multiply(frame->camera_from_world, tag->world_from_tag);
+    return planar_pose_offset_m(tag->side_m, frame->seen[k].ray, &expected) > MIN_OFFSET_SHARE * tag->side_m;
 }
 
-static bool landmarks_agree(const struct map *m, const struct map_frame *f)
+static bool landmarks_agree(const struct map *map, const struct map_frame *frame)
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     int agree = 0;
-    for (int32_t i = 0; i < f->feature_count; i++) {
-        const struct map_feature *s = &f->features[i];
-        if (s->point < 0)
+    for (int32_t i = 0; i < frame->feature_count; i++) {
+        const struct map_feature *feature = &frame->features[i];
+        if (feature->point < 0)
             continue;
-        struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
-        agree += p.z > 0 && map_reprojection_px(lens, p, &s->feature) < INLIER_PX;
+        struct vec3 p = pose_apply(frame->camera_from_world, map->points[feature->point].world);
+        agree += p.z > 0 && map_reprojection_px(lens, p, &feature->feature) < INLIER_PX;
     }
     return agree >= MIN_POINTS;
 }
 
 // Whether the pose of the frame is confirmed without its k-th tag.
-static bool pose_is_confirmed(const struct map *m, const struct map_frame *f, int32_t k)
+static bool pose_is_confirmed(const struct map *map, const struct map_frame *frame, int32_t k)
 {
-    for (int32_t i = 0; i < f->seen_count; i++)
-        if (i != k && m->tags[f->tag_index[i]].mapped && !tag_is_displaced(m, f, i))
+    for (int32_t i = 0; i < frame->seen_count; i++)
+        if (i != k && map->tags[frame->tag_index[i]].mapped && !tag_is_displaced(map, frame, i))
             return true;
-    return landmarks_agree(m, f);
+    return landmarks_agree(map, frame);
 }
 
-static bool is_outlier_tag(const struct map *m, int32_t tag)
+static bool is_outlier_tag(const struct map *map, int32_t tag)
 {
     int displaced = 0, all = 0;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
-            if (f->tag_index[k] != tag || !pose_is_confirmed(m, f, k))
+            if (f->tag_index[k] != tag || !pose_is_confirmed(map, f, k))
                 continue;
             all++;
-            displaced += tag_is_displaced(m, f, k);
+            displaced += tag_is_displaced(map, f, k);
         }
     }
     return displaced >= MIN_DISPLACED && displaced * ONE_IN >= all;
 }
 
 // Another tag fixes the gauge, else a frame.
-static void choose_new_reference(struct map *m)
+static void choose_new_reference(struct map *map)
 {
-    int32_t best = map_most_observed_tag(m, true);
+    int32_t best = map_most_observed_tag(map, true);
     if (best >= 0) {
-        m->tags[best].fixed = true;
+        map->tags[best].fixed = true;
         return;
     }
-    for (int32_t i = 0; i < m->frame_count && m->fixed_frame < 0; i++)
-        if (m->frames[i].placed)
-            m->fixed_frame = i;
+    for (int32_t i = 0; i < map->frame_count && map->fixed_frame < 0; i++)
+        if (map->frames[i].placed)
+            map->fixed_frame = i;
 }
 
-void map_remove_outlier_tags(struct map *m)
+void map_remove_outlier_tags(struct map *map)
 {
-    bool held = m->held_points > 0 || m->fixed_frame >= 0;
-    for (int32_t t = 0; t < m->tag_count; t++)
-        m->tags[t].outlier = m->tags[t].mapped && is_outlier_tag(m, t);
-    for (int32_t t = 0; t < m->tag_count; t++) {
-        if (m->tags[t].outlier)
-            m->tags[t].mapped = m->tags[t].fixed = false;
-        held = held || m->tags[t].fixed;
+    bool held = map->held_points > 0 || map->fixed_frame >= 0;
+    for (int32_t t = 0; t < map->tag_count; t++)
+        map->tags[t].outlier = map->tags[t].mapped && is_outlier_tag(map, t);
+    for (int32_t t = 0; t < map->tag_count; t++) {
+        if (map->tags[t].outlier)
+            map->tags[t].mapped = map->tags[t].fixed = false;
+        held = held || map->tags[t].fixed;
     }
     if (!held)
-        choose_new_reference(m);
+        choose_new_reference(map);
 }
 
 // ---------------------------------------------------------------- map tag sides
@@ -168,13 +168,13 @@ static int compare_doubles(const void *left, const void *right)
 }
 
 // The median over the sweep's sightings, and its standard error from the median deviation. False: too few sightings.
-static bool side_of_tag(const struct map *m, int32_t tag, double *side_m, double *sigma_m)
+static bool side_of_tag(const struct map *map, int32_t tag, double *side_m, double *sigma_m)
 {
     double side[MAX_SIGHTINGS];
     int count = 0;
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].seen_count && count < MAX_SIGHTINGS; k++) {
-            const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 0; k < map->frames[i].seen_count && count < MAX_SIGHTINGS; k++) {
+            const struct map_frame *f = &map->frames[i];
             const double s = f->tag_index[k] == tag ? measured_side(&f->seen[k], &f->depths[k]) : 0;
             if (s > 0)
                 side[count++] = s;
@@ -192,32 +192,32 @@ static bool side_of_tag(const struct map *m, int32_t tag, double *side_m, double
 }
 
 // The median ratio of measured to listed sides; 0 where no side was measured.
-static double common_ratio(const struct map *m)
+static double common_ratio(const struct map *map)
 {
     double ratio[MAPPER_MAX_TAGS];
     int count = 0;
-    for (int32_t t = 0; t < m->tag_count; t++)
-        if (m->tags[t].measured_side_m > 0 && count < MAPPER_MAX_TAGS)
-            ratio[count++] = m->tags[t].measured_side_m / m->tags[t].side_m;
+    for (int32_t t = 0; t < map->tag_count; t++)
+        if (map->tags[t].measured_side_m > 0 && count < MAPPER_MAX_TAGS)
+            ratio[count++] = map->tags[t].measured_side_m / map->tags[t].side_m;
     if (!count)
         return 0;
     qsort(ratio, (size_t)count, sizeof *ratio, compare_doubles);
     return ratio[count / 2];
 }
 
-static void forget_observations(struct map_frame *f, int32_t tag)
+static void forget_observations(struct map_frame *frame, int32_t tag)
 {
     int32_t kept = 0;
-    for (int32_t k = 0; k < f->seen_count; k++) {
-        if (f->tag_index[k] == tag)
+    for (int32_t k = 0; k < frame->seen_count; k++) {
+        if (frame->tag_index[k] == tag)
             continue;
-        f->seen[kept] = f->seen[k];
-        f->depths[kept] = f->depths[k];
-        f->raw_seen[kept] = f->raw_seen[k];
-        f->raw_depths[kept] = f->raw_depths[k];
-        f->tag_index[kept++] = f->tag_index[k];
+        frame->seen[kept] = frame->seen[k];
+        frame->depths[kept] = frame->depths[k];
+        frame->raw_seen[kept] = frame->raw_seen[k];
+        frame->raw_depths[kept] = frame->raw_depths[k];
+        frame->tag_index[kept++] = frame->tag_index[k];
     }
-    f->seen_count = kept;
+    frame->seen_count = kept;
 }
 
 enum status map_check_tag_sides(struct map *m)
@@ -239,8 +239,8 @@ enum status map_check_tag_sides(struct map *m)
     for (int32_t t = 0; t < m->tag_count; t++) {
         struct map_tag *tag = &m->tags[t];
         const double off = fabs(tag->measured_side_m / (scale * tag->side_m) - 1),
-                     most = WRONG_SHARE + (list_is_wrong ? 0 : SIGMAS * sigma[t] / tag->side_m);
-        tag->wrong = tag->measured_side_m > 0 && !tag->mapped && off > most; // an earlier sweep's are constants
+                     max = WRONG_SHARE + (list_is_wrong ? 0 : SIGMAS * sigma[t] / tag->side_m);
+        tag->wrong = tag->measured_side_m > 0 && !tag->mapped && off > max; // an earlier sweep's are constants
         tag->measured_side_m /= scale;
         for (int32_t i = 0; i < m->frame_count && tag->wrong && !list_is_wrong; i++)
             forget_observations(&m->frames[i], t);
@@ -257,8 +257,8 @@ enum status map_check_tag_sides(struct map *m)
 
 static int by_id(const void *left, const void *right)
 {
-    const struct mapper_tag *a = left, *b = right;
-    return (a->id > b->id) - (a->id < b->id);
+    const struct mapper_tag *tag = left, *b = right;
+    return (tag->id > b->id) - (tag->id < b->id);
 }
 
 static enum status read_side(const struct json *member, const char *path, struct mapper_tag *out)
@@ -335,13 +335,13 @@ enum status mapper_read_tags(const char *path, struct mapper_tag **tags, int32_t
 // Why no listed tag is in any picture of a sweep.
 
 // All chosen by hand.
-enum { MOST_PICTURES = 8 /* that are looked at again */, MOST_OTHERS = 32 /* tags in one of them */ };
+enum { MAX_PICTURES = 8 /* that are looked at again */, MAX_OTHERS = 32 /* tags in one of them */ };
 static const double SATURATED = 250, MUCH = 0.3, DARK_MEAN = 16;
 
 struct looked {
     int pictures, overexposed, dark, mirrored; // mirrored: that show a listed tag in a mirror
-    struct tag_of_family other[MOST_PICTURES + 1][MOST_OTHERS];
-    int others[MOST_PICTURES + 1]; // of each picture: tags of other families
+    struct tag_of_family other[MAX_PICTURES + 1][MAX_OTHERS];
+    int others[MAX_PICTURES + 1]; // of each picture: tags of other families
 };
 
 // What they are looked at with.
@@ -351,10 +351,10 @@ struct look {
     uint8_t *rgb, *gray;
 };
 
-static bool is_listed(const struct map *m, int32_t id)
+static bool is_listed(const struct map *map, int32_t id)
 {
-    for (int32_t t = 0; t < m->tag_count; t++)
-        if (m->tags[t].id == id)
+    for (int32_t t = 0; t < map->tag_count; t++)
+        if (map->tags[t].id == id)
             return true;
     return false;
 }
@@ -370,18 +370,19 @@ static void measure_light(const uint8_t *gray, size_t pixels, struct looked *out
     out->dark += sum < DARK_MEAN * (double)pixels;
 }
 
-static enum status look_at(const struct map *m, const struct map_frame *f, const struct look *by, struct looked *out)
+static enum status look_at(const struct map *map, const struct map_frame *frame, const struct look *by,
+                           struct looked *out)
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     const struct gray_image image = {by->gray, lens->width, lens->height};
     int listed = 0;
-    enum status status = jpeg_decode(f->jpeg, f->jpeg_bytes, by->rgb, lens->width, lens->height);
+    enum status status = jpeg_decode(frame->jpeg, frame->jpeg_bytes, by->rgb, lens->width, lens->height);
     if (status != OK)
         return status == ERR_CORRUPT ? OK : status;
     gray_from_rgb(by->rgb, lens_pixels(lens), by->gray);
     measure_light(by->gray, lens_pixels(lens), out);
     status =
-        tag_families_look(by->families, &image, out->other[out->pictures], MOST_OTHERS, &out->others[out->pictures]);
+        tag_families_look(by->families, &image, out->other[out->pictures], MAX_OTHERS, &out->others[out->pictures]);
     if (status != OK)
         return status;
     status = mirrored_tags_look(by->mirror, by->gray, &listed);
@@ -391,24 +392,24 @@ static enum status look_at(const struct map *m, const struct map_frame *f, const
 }
 
 // Some of the pictures that are kept, spread over the sweep.
-static enum status look_again(const struct map *m, struct looked *out)
+static enum status look_again(const struct map *map, struct looked *out)
 {
-    const size_t pixels = lens_pixels(&m->calibration.color);
+    const size_t pixels = lens_pixels(&map->calibration.color);
     int32_t ids[MAPPER_MAX_TAGS];
     int count = 0;
-    for (int32_t t = 0; t < m->tag_count && count < MAPPER_MAX_TAGS; t++)
-        ids[count++] = m->tags[t].id;
+    for (int32_t t = 0; t < map->tag_count && count < MAPPER_MAX_TAGS; t++)
+        ids[count++] = map->tags[t].id;
     struct look by = {.rgb = malloc(pixels * 4)};
     by.gray = by.rgb ? by.rgb + 3 * pixels : NULL;
-    enum status status = by.rgb ? mirrored_tags_open(&by.mirror, &m->calibration.color, ids, count)
+    enum status status = by.rgb ? mirrored_tags_open(&by.mirror, &map->calibration.color, ids, count)
                                 : fail(ERR_MEMORY, "no memory to look for tags");
     if (status == OK)
         status = tag_families_open(&by.families);
-    const int32_t step = m->frame_count / MOST_PICTURES + 1;
-    for (int32_t i = 0, due = 0; i < m->frame_count && status == OK; i++) {
-        if (i < due || !m->frames[i].jpeg)
+    const int32_t step = map->frame_count / MAX_PICTURES + 1;
+    for (int32_t i = 0, due = 0; i < map->frame_count && status == OK; i++) {
+        if (i < due || !map->frames[i].jpeg)
             continue;
-        status = look_at(m, &m->frames[i], &by, out);
+        status = look_at(map, &map->frames[i], &by, out);
         due = i + step;
     }
     tag_families_close(&by.families);
@@ -417,25 +418,25 @@ static enum status look_again(const struct map *m, struct looked *out)
     return status;
 }
 
-static bool shows(const struct looked *l, int picture, struct tag_of_family tag)
+static bool is_tag_in_picture(const struct looked *looked, int picture, struct tag_of_family tag)
 {
-    for (int i = 0; i < l->others[picture]; i++)
-        if (l->other[picture][i].family == tag.family && l->other[picture][i].id == tag.id)
+    for (int i = 0; i < looked->others[picture]; i++)
+        if (looked->other[picture][i].family == tag.family && looked->other[picture][i].id == tag.id)
             return true;
     return false;
 }
 
 // The other family of which most is seen, each tag in two pictures at least: what looks like a tag by chance does so
 // from one place. -1: none.
-static int other_family(const struct looked *l)
+static int other_family(const struct looked *looked)
 {
     int seen[TAG_FAMILIES] = {0}, best = -1;
-    for (int picture = 0; picture < l->pictures; picture++)
-        for (int i = 0; i < l->others[picture]; i++) {
+    for (int picture = 0; picture < looked->pictures; picture++)
+        for (int i = 0; i < looked->others[picture]; i++) {
             bool again = false;
-            for (int k = 0; k < l->pictures; k++)
-                again = again || (k != picture && shows(l, k, l->other[picture][i]));
-            seen[l->other[picture][i].family] += again;
+            for (int k = 0; k < looked->pictures; k++)
+                again = again || (k != picture && is_tag_in_picture(looked, k, looked->other[picture][i]));
+            seen[looked->other[picture][i].family] += again;
         }
     for (int i = 0; i < TAG_FAMILIES; i++)
         if (seen[i] > (best < 0 ? 0 : seen[best]))
@@ -488,15 +489,15 @@ enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_wit
 
 // ---------------------------------------------------------------- map tags
 
-int map_tag_correspondences(const struct map *m, const struct map_frame *f, struct pnp_tag *out)
+int map_tag_correspondences(const struct map *map, const struct map_frame *frame, struct pnp_tag *out)
 {
     int count = 0;
-    for (int32_t i = 0; i < f->seen_count && count < PNP_MAX_TAGS; i++) {
-        const struct map_tag *tag = &m->tags[f->tag_index[i]];
+    for (int32_t i = 0; i < frame->seen_count && count < PNP_MAX_TAGS; i++) {
+        const struct map_tag *tag = &map->tags[frame->tag_index[i]];
         if (tag->mapped)
             out[count++] = (struct pnp_tag){
-                .seen = &f->seen[i],
-                .depth = f->depths[i].count ? &f->depths[i] : NULL,
+                .seen = &frame->seen[i],
+                .depth = frame->depths[i].count ? &frame->depths[i] : NULL,
                 .world_from_tag = tag->world_from_tag,
                 .side_m = tag->side_m,
                 .map_px = MAP_TAG_PX,
@@ -506,18 +507,18 @@ int map_tag_correspondences(const struct map *m, const struct map_frame *f, stru
     return count;
 }
 
-int32_t map_most_observed_tag(const struct map *m, bool mapped)
+int32_t map_most_observed_tag(const struct map *map, bool mapped)
 {
-    int32_t best = -1, most = 0;
-    for (int32_t t = 0; t < m->tag_count; t++) {
+    int32_t best = -1, max = 0;
+    for (int32_t t = 0; t < map->tag_count; t++) {
         int32_t count = 0;
-        if (mapped && !m->tags[t].mapped)
+        if (mapped && !map->tags[t].mapped)
             continue;
-        for (int32_t i = 0; i < m->frame_count; i++)
-            for (int32_t k = 0; k < m->frames[i].seen_count; k++)
-                count += m->frames[i].tag_index[k] == t;
-        if (count > most) {
-            most = count;
+        for (int32_t i = 0; i < map->frame_count; i++)
+            for (int32_t k = 0; k < map->frames[i].seen_count; k++)
+                count += map->frames[i].tag_index[k] == t;
+        if (count > max) {
+            max = count;
             best = t;
         }
     }

@@ -1,7 +1,6 @@
 // The mapper: collects the frames of a sweep, runs the steps of mapping in order, exports the place and the report.
 #include "capture/mapping/map_frontend.h"
 #include "capture/mapping/sweep_tracker.h"
-
 #include "platform/files/jpeg.h"
 
 #include <stdlib.h>
@@ -24,11 +23,11 @@ static const double MAX_FOCAL_SIGMA = 0.01;
 
 struct mapper_options mapper_default_options(void)
 {
-    return (struct mapper_options){.quad_decimate = 1, .most_points = 4000, .most_views = 40};
+    return (struct mapper_options){.quad_decimate = 1, .max_points = 4000, .max_views = 40};
 }
 
-static enum status check(const struct calibration *calibration, const struct mapper_tag *tags, int32_t tag_count,
-                         const struct mapper_options *options)
+static enum status check_input(const struct calibration *calibration, const struct mapper_tag *tags, int32_t tag_count,
+                               const struct mapper_options *options)
 {
     if (!calibration->color.width)
         return fail(ERR_INPUT, "a place is mapped from colour pictures, and this sensor has depth only");
@@ -40,13 +39,13 @@ static enum status check(const struct calibration *calibration, const struct map
                     "the camera's focal length is known to %.1f %% only, and the place would be no more accurate; "
                     "calibrate its lens (the guide says how)",
                     calibration->color.focal_sigma * 100);
-    if (options->most_points < 0 || options->most_points > MAP_MAX_CANDIDATES || options->most_views < 0)
-        return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
+    if (options->max_points < 0 || options->max_points > MAP_MAX_CANDIDATES || options->max_views < 0)
+        return fail(ERR_INPUT, "max_points must lie between 0 and %d, max_views must not be negative",
                     (int)MAP_MAX_CANDIDATES);
     if (tag_count < 0 || tag_count > MAPPER_MAX_TAGS)
         return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
     if (!tag_count && !(options->prior && options->prior->tag_count) &&
-        (!map_depth_usable(calibration) || !options->most_points))
+        (!map_depth_usable(calibration) || !options->max_points))
         return fail(ERR_INPUT, "without tags the scale of a place comes from depth on the colour's pixels, and this "
                                "sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
@@ -60,16 +59,16 @@ static enum status check(const struct calibration *calibration, const struct map
     return OK;
 }
 
-static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t tag_count)
+static enum status open_parts(struct mapper *mapper, const struct mapper_tag *tags, int32_t tag_count)
 {
-    struct map *map = &m->map;
+    struct map *map = &mapper->map;
     map->frames = calloc(MAP_MAX_FRAMES, sizeof *map->frames);
     if (!map->frames)
         return fail(ERR_MEMORY, "no memory to map a place");
-    enum status status = map_load_prior(map, m->options.prior, tags, tag_count);
-    if (status == OK && m->options.plan)
-        status = sweep_tracker_open(&m->sweep, map);
-    return status == OK ? map_frontend_open(&m->frontend, map, &m->options) : status;
+    enum status status = map_load_prior(map, mapper->options.prior, tags, tag_count);
+    if (status == OK && mapper->options.plan)
+        status = sweep_tracker_open(&mapper->sweep, map);
+    return status == OK ? map_frontend_open(&mapper->frontend, map, &mapper->options) : status;
 }
 
 enum status mapper_open(struct mapper **out, const struct calibration *calibration, const struct mapper_tag *tags,
@@ -77,7 +76,7 @@ enum status mapper_open(struct mapper **out, const struct calibration *calibrati
 {
     *out = NULL;
     struct mapper_options wanted = options ? *options : mapper_default_options();
-    enum status status = check(calibration, tags, tag_count, &wanted);
+    enum status status = check_input(calibration, tags, tag_count, &wanted);
     if (status != OK)
         return status;
     struct mapper *m = calloc(1, sizeof *m);
@@ -89,19 +88,19 @@ enum status mapper_open(struct mapper **out, const struct calibration *calibrati
     m->map.self = wanted.self;
     m->options = wanted;
     m->stride = m->image_stride = 1;
-    status = fill(m, tags, tag_count);
+    status = open_parts(m, tags, tag_count);
     if (status != OK)
         mapper_close(&m);
     *out = m;
     return status;
 }
 
-static void drop_image(struct map_frame *f)
+static void drop_image(struct map_frame *frame)
 {
-    free(f->jpeg);
-    free(f->depth);
-    f->jpeg = NULL;
-    f->depth = NULL;
+    free(frame->jpeg);
+    free(frame->depth);
+    frame->jpeg = NULL;
+    frame->depth = NULL;
 }
 
 void mapper_close(struct mapper **out)
@@ -122,9 +121,9 @@ void mapper_close(struct mapper **out)
 }
 
 // Drops every second frame when there are too many; every second image too.
-static void decimate_frames(struct mapper *m)
+static void decimate_frames(struct mapper *mapper)
 {
-    struct map *map = &m->map;
+    struct map *map = &mapper->map;
     if (map->frame_count == MAP_MAX_FRAMES) {
         int32_t kept = 0;
         for (int32_t i = 0; i < map->frame_count; i++) {
@@ -135,7 +134,7 @@ static void decimate_frames(struct mapper *m)
         }
         memset(map->frames + kept, 0, (size_t)(map->frame_count - kept) * sizeof *map->frames);
         map->frame_count = kept;
-        m->stride *= 2;
+        mapper->stride *= 2;
     }
     int32_t images = 0;
     for (int32_t i = 0; i < map->frame_count; i++)
@@ -146,12 +145,12 @@ static void decimate_frames(struct mapper *m)
     for (int32_t i = 0; i < map->frame_count; i++)
         if ((map->frames[i].jpeg || map->frames[i].depth) && images++ % 2)
             drop_image(&map->frames[i]);
-    m->image_stride *= 2;
+    mapper->image_stride *= 2;
 }
 
-static enum status copy_image(const struct mapper *m, const struct frame *frame, struct map_frame *out)
+static enum status copy_image(const struct mapper *mapper, const struct frame *frame, struct map_frame *out)
 {
-    const struct calibration *c = &m->map.calibration;
+    const struct calibration *c = &mapper->map.calibration;
     if (frame->jpeg) {
         out->jpeg = malloc(frame->jpeg_bytes);
         if (!out->jpeg)
@@ -176,13 +175,13 @@ static enum status copy_image(const struct mapper *m, const struct frame *frame,
 
 // Where a sensor stands still, its first FIRST_STILL frames are kept, and then one of so many: what they show is the
 // same, and the time that a map takes grows with the square of the frames that show a landmark. All chosen by hand.
-enum { FIRST_STILL = 12, ONE_STILL_OF = 8, COMPARED = 200, LEAST_COMPARED = 60, SAME_BITS = 40 };
+enum { FIRST_STILL = 12, ONE_STILL_OF = 8, COMPARED = 200, MIN_COMPARED = 60, SAME_BITS = 40 };
 static const double SAME_PX = 1, SAME_SHARE = 0.6;
 
-static bool shows_feature(const struct map_frame *f, const struct feature *wanted)
+static bool shows_feature(const struct map_frame *frame, const struct feature *wanted)
 {
-    for (int32_t i = 0; i < f->feature_count; i++) {
-        const struct feature *own = &f->features[i].feature;
+    for (int32_t i = 0; i < frame->feature_count; i++) {
+        const struct feature *own = &frame->features[i].feature;
         if (fabs(own->at.x - wanted->at.x) < SAME_PX && fabs(own->at.y - wanted->at.y) < SAME_PX &&
             feature_distance(own->descriptor, wanted->descriptor) < SAME_BITS)
             return true;
@@ -196,46 +195,46 @@ static bool shows_the_same(const struct map_frame *a, const struct map_frame *b)
     int32_t same = 0;
     for (int32_t i = 0; i < count; i++)
         same += shows_feature(b, &a->features[i * (int64_t)a->feature_count / count].feature);
-    return count >= LEAST_COMPARED && same > SAME_SHARE * count;
+    return count >= MIN_COMPARED && same > SAME_SHARE * count;
 }
 
 // Whether a frame tells nothing new.
-static bool is_superfluous(struct mapper *m, const struct map_frame *f)
+static bool is_superfluous(struct mapper *mapper, const struct map_frame *frame)
 {
-    const struct map *map = &m->map;
-    if (!map->frame_count || !shows_the_same(f, &map->frames[map->frame_count - 1])) {
-        m->still = 0;
+    const struct map *map = &mapper->map;
+    if (!map->frame_count || !shows_the_same(frame, &map->frames[map->frame_count - 1])) {
+        mapper->still = 0;
         return false;
     }
-    m->still++;
-    return m->still >= FIRST_STILL && m->still % ONE_STILL_OF;
+    mapper->still++;
+    return mapper->still >= FIRST_STILL && mapper->still % ONE_STILL_OF;
 }
 
 // The next image from the front end becomes a frame of the map. NOTHING: there is none.
-static enum status take_frame(struct mapper *m)
+static enum status take_frame(struct mapper *mapper)
 {
     struct map_frontend_result result;
-    enum status status = map_frontend_take(m->frontend, &result);
+    enum status status = map_frontend_take(mapper->frontend, &result);
     if (status != OK)
         return status;
-    if (m->sweep)
-        sweep_tracker_add(m->sweep, &result.observed, result.frame.depth);
-    if (result.number % m->stride) { // m->stride has grown since it was put, or it is for the plan alone
+    if (mapper->sweep)
+        sweep_tracker_add(mapper->sweep, &result.observed, result.frame.depth);
+    if (result.number % mapper->stride) { // mapper->stride has grown since it was put, or it is for the plan alone
         map_frame_free(&result.observed);
         return OK;
     }
-    if (is_superfluous(m, &result.observed)) {
+    if (is_superfluous(mapper, &result.observed)) {
         map_frame_free(&result.observed);
         return OK;
     }
-    m->map.has_depth |= result.frame.depth && map_depth_usable(&m->map.calibration);
+    mapper->map.has_depth |= result.frame.depth && map_depth_usable(&mapper->map.calibration);
     for (int32_t i = 0; i < result.id_count; i++)
-        m->frames_with_tag[result.ids[i]]++;
-    decimate_frames(m);
-    if (m->map.frame_count % m->image_stride == 0)
-        status = copy_image(m, &result.frame, &result.observed);
+        mapper->frames_with_tag[result.ids[i]]++;
+    decimate_frames(mapper);
+    if (mapper->map.frame_count % mapper->image_stride == 0)
+        status = copy_image(mapper, &result.frame, &result.observed);
     if (status == OK)
-        m->map.frames[m->map.frame_count++] = result.observed;
+        mapper->map.frames[mapper->map.frame_count++] = result.observed;
     else
         map_frame_free(&result.observed);
     return status;
@@ -254,9 +253,9 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
     return status == OK ? map_frontend_put(m->frontend, frame, number) : status;
 }
 
-void mapper_get_progress(const struct mapper *m, struct mapper_progress *out)
+void mapper_get_progress(const struct mapper *mapper, struct mapper_progress *out)
 {
-    const struct map *map = &m->map;
+    const struct map *map = &mapper->map;
     int32_t group[MAPPER_MAX_TAGS], first = -1;
     *out = (struct mapper_progress){.listed = map->tag_count, .first_unseen = -1, .apart_a = -1, .apart_b = -1};
     for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS; t++)
@@ -270,7 +269,7 @@ void mapper_get_progress(const struct mapper *m, struct mapper_progress *out)
                 group[t] = group[t] == higher ? lower : group[t];
         }
     for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS; t++) {
-        if (!m->frames_with_tag[map->tags[t].id]) {
+        if (!mapper->frames_with_tag[map->tags[t].id]) {
             out->first_unseen = out->first_unseen < 0 ? map->tags[t].id : out->first_unseen;
             continue;
         }
@@ -284,66 +283,66 @@ void mapper_get_progress(const struct mapper *m, struct mapper_progress *out)
     }
 }
 
-const struct sweep_plan *mapper_plan(struct mapper *m)
+const struct sweep_plan *mapper_plan(struct mapper *mapper)
 {
     struct mapper_progress progress;
-    if (!m->sweep)
+    if (!mapper->sweep)
         return NULL;
-    mapper_get_progress(m, &progress);
-    return sweep_tracker_plan(m->sweep, &progress);
+    mapper_get_progress(mapper, &progress);
+    return sweep_tracker_plan(mapper->sweep, &progress);
 }
 
-static void report_longest_gap(const struct map *m, struct mapper_report *r)
+static void report_longest_gap(const struct map *map, struct mapper_report *report)
 {
     int64_t longest = 0;
-    for (int32_t i = 0; i < m->frame_count; i++) {
+    for (int32_t i = 0; i < map->frame_count; i++) {
         int32_t end = i;
-        while (end < m->frame_count && !m->frames[end].placed)
+        while (end < map->frame_count && !map->frames[end].placed)
             end++;
         if (end == i)
             continue;
-        int64_t from = m->frames[i].time_ns, to = m->frames[end - 1].time_ns, start = m->frames[0].time_ns;
+        int64_t from = map->frames[i].time_ns, to = map->frames[end - 1].time_ns, start = map->frames[0].time_ns;
         if (to - from > longest) {
             longest = to - from;
-            r->lost_from_s = (double)(from - start) * 1e-9;
-            r->lost_to_s = (double)(to - start) * 1e-9;
+            report->lost_from_s = (double)(from - start) * 1e-9;
+            report->lost_to_s = (double)(to - start) * 1e-9;
         }
         i = end;
     }
 }
 
-static void report_tags(const struct mapper *m, struct mapper_report *r)
+static void report_tags(const struct mapper *mapper, struct mapper_report *report)
 {
-    r->first_unseen = r->first_disconnected = r->first_unlisted = r->first_moved = r->first_outlier = r->first_wrong =
-        -1;
+    report->first_unseen = report->first_disconnected = report->first_unlisted = report->first_moved =
+        report->first_outlier = report->first_wrong = -1;
     for (int32_t id = 0; id < TAG_ID_COUNT; id++) {
         const struct map_tag *tag = NULL;
-        for (int32_t i = 0; i < m->map.tag_count; i++)
-            if (m->map.tags[i].id == id)
-                tag = &m->map.tags[i];
-        if (tag && tag->moved && r->tags_moved++ == 0)
-            r->first_moved = id;
-        if (tag && tag->outlier && r->tags_outlier++ == 0)
-            r->first_outlier = id;
-        if (tag && tag->wrong && r->tags_wrong_side++ == 0) {
-            r->first_wrong = id;
-            r->listed_side_m = tag->side_m;
-            r->measured_m = tag->measured_side_m;
+        for (int32_t i = 0; i < mapper->map.tag_count; i++)
+            if (mapper->map.tags[i].id == id)
+                tag = &mapper->map.tags[i];
+        if (tag && tag->moved && report->tags_moved++ == 0)
+            report->first_moved = id;
+        if (tag && tag->outlier && report->tags_outlier++ == 0)
+            report->first_outlier = id;
+        if (tag && tag->wrong && report->tags_wrong_side++ == 0) {
+            report->first_wrong = id;
+            report->listed_side_m = tag->side_m;
+            report->measured_m = tag->measured_side_m;
         }
         if (tag && tag->mapped)
-            r->tags_mapped++;
-        else if (tag && !m->frames_with_tag[id] && r->tags_unseen++ == 0)
-            r->first_unseen = id;
-        else if (tag && m->frames_with_tag[id] && !tag->outlier && !tag->wrong && r->tags_disconnected++ == 0)
-            r->first_disconnected = id;
-        else if (!tag && m->frames_with_tag[id] > 1 && r->tags_unlisted++ == 0)
-            r->first_unlisted = id;
+            report->tags_mapped++;
+        else if (tag && !mapper->frames_with_tag[id] && report->tags_unseen++ == 0)
+            report->first_unseen = id;
+        else if (tag && mapper->frames_with_tag[id] && !tag->outlier && !tag->wrong && report->tags_disconnected++ == 0)
+            report->first_disconnected = id;
+        else if (!tag && mapper->frames_with_tag[id] > 1 && report->tags_unlisted++ == 0)
+            report->first_unlisted = id;
     }
-    r->all_wrong_side = m->map.list_is_wrong;
-    r->frames_seen = m->frames_seen;
-    r->frames = m->map.frame_count;
-    for (int32_t i = 0; i < m->map.frame_count; i++)
-        r->frames_placed += m->map.frames[i].placed;
+    report->all_wrong_side = mapper->map.list_is_wrong;
+    report->frames_seen = mapper->frames_seen;
+    report->frames = mapper->map.frame_count;
+    for (int32_t i = 0; i < mapper->map.frame_count; i++)
+        report->frames_placed += mapper->map.frames[i].placed;
 }
 
 // How much two views differ: metres, with a radian counted as two.
@@ -354,7 +353,7 @@ static double view_distance(struct pose camera_a_from_world, struct pose camera_
 }
 
 // Farthest-point sampling: moves the images that are furthest from each other, and from the views the place has, to it.
-static void export_views(struct map *map, int32_t most, struct place *out)
+static void export_views(struct map *map, int32_t max, struct place *out)
 {
     double distance[MAP_MAX_FRAMES];
     for (int32_t i = 0; i < map->frame_count; i++) {
@@ -363,7 +362,7 @@ static void export_views(struct map *map, int32_t most, struct place *out)
             distance[i] = fmin(distance[i], view_distance(map->frames[i].camera_from_world,
                                                           pose_inverse(out->views[k].world_from_camera)));
     }
-    for (most += out->view_count; out->view_count < most;) {
+    for (max += out->view_count; out->view_count < max;) {
         int32_t best = -1;
         for (int32_t i = 0; i < map->frame_count; i++)
             if (distance[i] > 0.1 && (best < 0 || distance[i] > distance[best]))
@@ -393,15 +392,15 @@ static bool same_calibration(const struct calibration *a, const struct calibrati
            (a->registered || !memcmp(&a->color_from_depth, &b->color_from_depth, sizeof a->color_from_depth));
 }
 
-static enum status export_place(struct mapper *m, struct place *out)
+static enum status export_place(struct mapper *mapper, struct place *out)
 {
-    struct map *map = &m->map;
-    const struct place *prior = m->options.prior;
+    struct map *map = &mapper->map;
+    const struct place *prior = mapper->options.prior;
     const struct calibration *calibration = prior ? &prior->calibration : &map->calibration;
     *out = (struct place){.calibration = *calibration, .rms_px = map->rms_px, .rms_m = map->rms_m};
     out->tags = calloc((size_t)map->tag_count + 1, sizeof *out->tags);
     out->points = calloc((size_t)map->point_count + 1, sizeof *out->points);
-    size_t views = (size_t)(prior ? prior->view_count : 0) + (size_t)m->options.most_views;
+    size_t views = (size_t)(prior ? prior->view_count : 0) + (size_t)mapper->options.max_views;
     out->views = calloc(views + 1, sizeof *out->views);
     if (!out->tags || !out->points || !out->views) {
         place_free(out);
@@ -421,7 +420,7 @@ static enum status export_place(struct mapper *m, struct place *out)
     if (status != OK)
         place_free(out);
     else if (same_calibration(calibration, &map->calibration))
-        export_views(map, m->options.most_views, out);
+        export_views(map, mapper->options.max_views, out);
     return status;
 }
 
@@ -448,13 +447,13 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (status == OK && prior)
         status = map_release_moved_tags(&m->map);
     if (status == OK)
-        status = map_bootstrap(&m->map, m->options.most_points > 0);
+        status = map_bootstrap(&m->map, m->options.max_points > 0);
     if (status == OK && prior)
         status = map_check_overlap(&m->map);
     if (status == OK)
         map_remove_outlier_tags(&m->map);
-    if (status == OK && m->options.most_points)
-        status = map_refine_landmarks(&m->map, m->options.most_points);
+    if (status == OK && m->options.max_points)
+        status = map_refine_landmarks(&m->map, m->options.max_points);
     if (status == OK)
         map_compute_residuals(&m->map);
     if (status == OK)
@@ -478,11 +477,11 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     return status;
 }
 
-bool mapper_pose(const struct mapper *m, int64_t time_ns, struct pose *world_from_camera)
+bool mapper_pose(const struct mapper *mapper, int64_t time_ns, struct pose *world_from_camera)
 {
-    for (int32_t i = 0; i < m->map.frame_count; i++)
-        if (m->map.frames[i].time_ns == time_ns && m->map.frames[i].placed) {
-            *world_from_camera = pose_inverse(m->map.frames[i].camera_from_world);
+    for (int32_t i = 0; i < mapper->map.frame_count; i++)
+        if (mapper->map.frames[i].time_ns == time_ns && mapper->map.frames[i].placed) {
+            *world_from_camera = pose_inverse(mapper->map.frames[i].camera_from_world);
             return true;
         }
     return false;

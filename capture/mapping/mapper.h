@@ -34,8 +34,8 @@ MUST_CHECK enum status mapper_read_tags(const char *path, struct mapper_tag **ta
 
 struct mapper_options {
     double quad_decimate; // of the tag detector, 1..8. Default 1
-    int32_t most_points;  // landmarks kept of this sweep. Default 4000; 0: none are looked for
-    int32_t most_views;   // keyframe views kept of this sweep. Default 40
+    int32_t max_points;   // landmarks kept of this sweep. Default 4000; 0: none are looked for
+    int32_t max_views;    // keyframe views kept of this sweep. Default 40
     // The place that the sweep adds to; must outlive the mapper. Default NULL: a new one. Its world axes, landmarks and
     // tags stay constant, except tags that were hung elsewhere since; what is new is registered to them.
     // Views are added only if the calibration is the same.
@@ -69,11 +69,11 @@ struct mapper_progress {
     int32_t first_unseen;     // the lowest id of those still missing; -1: none
     int32_t apart_a, apart_b; // two tags that no chain of common images connects yet; -1: none
 };
-void mapper_get_progress(const struct mapper *m, struct mapper_progress *out);
+void mapper_get_progress(const struct mapper *mapper, struct mapper_progress *out);
 
 // With options.plan: the room from above, of the images that were examined already, and what to do next. NULL without.
 // Valid until the next call.
-const struct sweep_plan *mapper_plan(struct mapper *m);
+const struct sweep_plan *mapper_plan(struct mapper *mapper);
 
 struct mapper_report {
     int32_t frames; // used, of frames_seen
@@ -113,6 +113,6 @@ MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct
 
 // After mapper_finish: where the camera was at a frame of the sweep, in the place's world. False: that frame was not
 // used, or it could not be placed.
-bool mapper_pose(const struct mapper *m, int64_t time_ns, struct pose *world_from_camera);
+bool mapper_pose(const struct mapper *mapper, int64_t time_ns, struct pose *world_from_camera);
 
 void mapper_close(struct mapper **m); // NULL is fine; sets *m = NULL

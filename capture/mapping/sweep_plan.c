@@ -15,17 +15,17 @@ enum {
     REACH = 4            // cells: half a metre
 };
 
-void sweep_plan_start(struct sweep_plan *p, double middle_x, double middle_y)
+void sweep_plan_start(struct sweep_plan *plan, double middle_x, double middle_y)
 {
-    memset(p, 0, sizeof *p);
-    p->middle_x = middle_x;
-    p->middle_y = middle_y;
+    memset(plan, 0, sizeof *plan);
+    plan->middle_x = middle_x;
+    plan->middle_y = middle_y;
 }
 
-static bool index_of(const struct sweep_plan *p, double x, double y, int *column, int *row)
+static bool index_of(const struct sweep_plan *plan, double x, double y, int *column, int *row)
 {
-    const double u = (x - p->middle_x) / SWEEP_CELL_M + SWEEP_CELLS / 2,
-                 v = (y - p->middle_y) / SWEEP_CELL_M + SWEEP_CELLS / 2;
+    const double u = (x - plan->middle_x) / SWEEP_CELL_M + SWEEP_CELLS / 2,
+                 v = (y - plan->middle_y) / SWEEP_CELL_M + SWEEP_CELLS / 2;
     if (!(u >= 0) || !(v >= 0) || !(u < SWEEP_CELLS) || !(v < SWEEP_CELLS))
         return false;
     *column = (int)u;
@@ -33,15 +33,15 @@ static bool index_of(const struct sweep_plan *p, double x, double y, int *column
     return true;
 }
 
-struct sweep_cell *sweep_plan_cell(struct sweep_plan *p, double x, double y)
+struct sweep_cell *sweep_plan_cell(struct sweep_plan *plan, double x, double y)
 {
     int column, row;
-    return index_of(p, x, y, &column, &row) ? &p->cell[row][column] : NULL;
+    return index_of(plan, x, y, &column, &row) ? &plan->cell[row][column] : NULL;
 }
 
 static void count_up(uint8_t *n) { *n = (uint8_t)(*n + (*n < 255)); }
 
-void sweep_plan_add_depth(struct sweep_plan *p, const struct lens *lens, const uint16_t *depth,
+void sweep_plan_add_depth(struct sweep_plan *plan, const struct lens *lens, const uint16_t *depth,
                           struct pose world_from_camera)
 {
     for (int y = DEPTH_STEP / 2; y < lens->height; y += DEPTH_STEP)
@@ -50,34 +50,34 @@ void sweep_plan_add_depth(struct sweep_plan *p, const struct lens *lens, const u
             if (!(z > 0.3) || z > 6)
                 continue;
             const struct vec3 at = pose_apply(world_from_camera, v3_scale(lens_ray(lens, (struct pixel){x, y}), z));
-            struct sweep_cell *cell = sweep_plan_cell(p, at.x, at.y);
+            struct sweep_cell *cell = sweep_plan_cell(plan, at.x, at.y);
             if (cell && at.z < TALL_M)
                 count_up(at.z < FLOOR_M ? &cell->floor : &cell->solid);
         }
 }
 
-void sweep_plan_add_landmark(struct sweep_plan *p, struct vec3 world)
+void sweep_plan_add_landmark(struct sweep_plan *plan, struct vec3 world)
 {
-    struct sweep_cell *cell = sweep_plan_cell(p, world.x, world.y);
+    struct sweep_cell *cell = sweep_plan_cell(plan, world.x, world.y);
     if (cell)
         count_up(&cell->points);
 }
 
-void sweep_plan_set_tag(struct sweep_plan *p, int32_t id, bool seen, const struct vec3 *world, double sigma_m)
+void sweep_plan_set_tag(struct sweep_plan *plan, int32_t id, bool seen, const struct vec3 *world, double sigma_m)
 {
     int i = 0;
-    while (i < p->tag_count && p->tag[i].id != id)
+    while (i < plan->tag_count && plan->tag[i].id != id)
         i++;
     if (i == SWEEP_TAGS)
         return;
-    if (i == p->tag_count)
-        p->tag[p->tag_count++] = (struct sweep_tag){.id = id};
-    struct sweep_tag *tag = &p->tag[i];
-    p->tags_seen += seen && !tag->seen;
+    if (i == plan->tag_count)
+        plan->tag[plan->tag_count++] = (struct sweep_tag){.id = id};
+    struct sweep_tag *tag = &plan->tag[i];
+    plan->tags_seen += seen && !tag->seen;
     tag->seen |= seen;
     if (!world)
         return;
-    struct sweep_cell *cell = sweep_plan_cell(p, world->x, world->y);
+    struct sweep_cell *cell = sweep_plan_cell(plan, world->x, world->y);
     if (cell)
         cell->tag = true;
     tag->placed = true;
@@ -86,32 +86,32 @@ void sweep_plan_set_tag(struct sweep_plan *p, int32_t id, bool seen, const struc
     tag->sigma_m = sigma_m;
 }
 
-static void add_to_trail(struct sweep_plan *p)
+static void add_to_trail(struct sweep_plan *plan)
 {
-    const float *last = p->trail[p->trail_count ? p->trail_count - 1 : 0];
-    if (p->trail_count && hypot(p->x - (double)last[0], p->y - (double)last[1]) < TRAIL_STEP_M)
+    const float *last = plan->trail[plan->trail_count ? plan->trail_count - 1 : 0];
+    if (plan->trail_count && hypot(plan->x - (double)last[0], plan->y - (double)last[1]) < TRAIL_STEP_M)
         return;
-    if (p->trail_count == SWEEP_TRAIL) {
+    if (plan->trail_count == SWEEP_TRAIL) {
         for (int i = 0; i < SWEEP_TRAIL / 2; i++)
-            memcpy(p->trail[i], p->trail[2 * i + 1], sizeof p->trail[i]);
-        p->trail_count = SWEEP_TRAIL / 2;
+            memcpy(plan->trail[i], plan->trail[2 * i + 1], sizeof plan->trail[i]);
+        plan->trail_count = SWEEP_TRAIL / 2;
     }
-    p->trail[p->trail_count][0] = (float)p->x;
-    p->trail[p->trail_count++][1] = (float)p->y;
+    plan->trail[plan->trail_count][0] = (float)plan->x;
+    plan->trail[plan->trail_count++][1] = (float)plan->y;
 }
 
-void sweep_plan_move(struct sweep_plan *p, const struct pose *world_from_camera)
+void sweep_plan_move(struct sweep_plan *plan, const struct pose *world_from_camera)
 {
-    p->frames++;
-    p->located = world_from_camera != NULL;
+    plan->frames++;
+    plan->located = world_from_camera != NULL;
     if (!world_from_camera)
         return;
-    p->frames_located++;
+    plan->frames_located++;
     const struct vec3 ahead = quat_rotate(world_from_camera->rotation, v3(0, 0, 1));
-    p->x = world_from_camera->translation.x;
-    p->y = world_from_camera->translation.y;
-    p->heading_rad = atan2(ahead.y, ahead.x);
-    add_to_trail(p);
+    plan->x = world_from_camera->translation.x;
+    plan->y = world_from_camera->translation.y;
+    plan->heading_rad = atan2(ahead.y, ahead.x);
+    add_to_trail(plan);
 }
 
 // ---------------------------------------------------------------- where nothing can be recognised
@@ -122,12 +122,12 @@ struct block {
     double x, y; // sums over its surfaces, cells
 };
 
-static struct block block_at(const struct sweep_plan *p, int column, int row)
+static struct block block_at(const struct sweep_plan *plan, int column, int row)
 {
     struct block b = {0};
     for (int r = row; r < row + BLOCK; r++)
         for (int c = column; c < column + BLOCK; c++) {
-            const struct sweep_cell *cell = &p->cell[r][c];
+            const struct sweep_cell *cell = &plan->cell[r][c];
             b.points += cell->points;
             b.tag |= cell->tag;
             if (cell->solid < SURFACE_SAMPLES)
@@ -140,50 +140,51 @@ static struct block block_at(const struct sweep_plan *p, int column, int row)
 }
 
 // Landmarks and tags of the blocks around are in the same picture; a block is bare where they are few, too.
-static bool is_bare(const struct sweep_plan *p, int column, int row, struct block *b)
+static bool is_bare(const struct sweep_plan *plan, int column, int row, struct block *block)
 {
-    *b = block_at(p, column, row);
-    int points = b->points;
-    bool tag = b->tag;
-    if (b->surfaces < BLOCK_SURFACES)
+    *block = block_at(plan, column, row);
+    int points = block->points;
+    bool tag = block->tag;
+    if (block->surfaces < BLOCK_SURFACES)
         return false;
     for (int dr = -BLOCK / 2; dr <= BLOCK / 2; dr += BLOCK)
         for (int dc = -BLOCK / 2; dc <= BLOCK / 2; dc += BLOCK) {
             const int c = column + dc, r = row + dr;
             if (c < 0 || r < 0 || c + BLOCK > SWEEP_CELLS || r + BLOCK > SWEEP_CELLS)
                 continue;
-            const struct block near = block_at(p, c, r);
+            const struct block near = block_at(plan, c, r);
             points = near.points > points ? near.points : points;
             tag |= near.tag;
         }
     return points < FEW_POINTS && !tag;
 }
 
-void sweep_plan_find_bare(struct sweep_plan *p)
+void sweep_plan_find_bare(struct sweep_plan *plan)
 {
-    p->bare_count = 0;
+    plan->bare_count = 0;
     for (int row = 0; row + BLOCK <= SWEEP_CELLS; row += BLOCK)
-        for (int column = 0; column + BLOCK <= SWEEP_CELLS && p->bare_count < SWEEP_BARE; column += BLOCK) {
+        for (int column = 0; column + BLOCK <= SWEEP_CELLS && plan->bare_count < SWEEP_BARE; column += BLOCK) {
             struct block b;
-            if (!is_bare(p, column, row, &b))
+            if (!is_bare(plan, column, row, &b))
                 continue;
-            p->bare[p->bare_count].x = p->middle_x + (b.x / b.surfaces + 0.5 - SWEEP_CELLS / 2) * SWEEP_CELL_M;
-            p->bare[p->bare_count++].y = p->middle_y + (b.y / b.surfaces + 0.5 - SWEEP_CELLS / 2) * SWEEP_CELL_M;
+            plan->bare[plan->bare_count].x = plan->middle_x + (b.x / b.surfaces + 0.5 - SWEEP_CELLS / 2) * SWEEP_CELL_M;
+            plan->bare[plan->bare_count++].y =
+                plan->middle_y + (b.y / b.surfaces + 0.5 - SWEEP_CELLS / 2) * SWEEP_CELL_M;
         }
 }
 
-double sweep_plan_recognisable(const struct sweep_plan *p)
+double sweep_plan_recognisable(const struct sweep_plan *plan)
 {
     int surfaces = 0, good = 0;
     for (int row = 0; row < SWEEP_CELLS; row++)
         for (int column = 0; column < SWEEP_CELLS; column++) {
-            if (p->cell[row][column].solid < SURFACE_SAMPLES)
+            if (plan->cell[row][column].solid < SURFACE_SAMPLES)
                 continue;
             bool any = false;
             for (int r = row - REACH; r <= row + REACH && !any; r++)
                 for (int c = column - REACH; c <= column + REACH && !any; c++)
                     any = r >= 0 && c >= 0 && r < SWEEP_CELLS && c < SWEEP_CELLS &&
-                          (p->cell[r][c].points || p->cell[r][c].tag);
+                          (plan->cell[r][c].points || plan->cell[r][c].tag);
             surfaces++;
             good += any;
         }

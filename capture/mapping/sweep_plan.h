@@ -52,26 +52,26 @@ struct sweep_plan {
     char text[160]; // the hint as a sentence
 };
 
-void sweep_plan_start(struct sweep_plan *p, double middle_x, double middle_y);
+void sweep_plan_start(struct sweep_plan *plan, double middle_x, double middle_y);
 
 // NULL: outside of the plan.
-struct sweep_cell *sweep_plan_cell(struct sweep_plan *p, double x, double y);
+struct sweep_cell *sweep_plan_cell(struct sweep_plan *plan, double x, double y);
 
 // Depth samples of one image, every sixteenth pixel each way.
-void sweep_plan_add_depth(struct sweep_plan *p, const struct lens *lens, const uint16_t *depth,
+void sweep_plan_add_depth(struct sweep_plan *plan, const struct lens *lens, const uint16_t *depth,
                           struct pose world_from_camera);
-void sweep_plan_add_landmark(struct sweep_plan *p, struct vec3 world);
-void sweep_plan_set_tag(struct sweep_plan *p, int32_t id, bool seen, const struct vec3 *world, double sigma_m);
+void sweep_plan_add_landmark(struct sweep_plan *plan, struct vec3 world);
+void sweep_plan_set_tag(struct sweep_plan *plan, int32_t id, bool seen, const struct vec3 *world, double sigma_m);
 
 // Where the sensor is now; NULL: not known.
-void sweep_plan_move(struct sweep_plan *p, const struct pose *world_from_camera);
+void sweep_plan_move(struct sweep_plan *plan, const struct pose *world_from_camera);
 
 // Looks for bare places again.
-void sweep_plan_find_bare(struct sweep_plan *p);
+void sweep_plan_find_bare(struct sweep_plan *plan);
 
 // The plan of a finished place: its views' depth, landmarks and tags.
 void sweep_plan_of_place(const struct place *place, struct sweep_plan *out);
 
 // Share of the cells with surfaces that have a landmark or a tag within half a metre, 0..1: there a camera finds its
 // way.
-double sweep_plan_recognisable(const struct sweep_plan *p);
+double sweep_plan_recognisable(const struct sweep_plan *plan);

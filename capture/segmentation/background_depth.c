@@ -44,7 +44,7 @@ static void add_depth_sample(struct background_cell *cell, double mm)
 }
 
 // Draws one sample as a square that covers the gap to its neighbours; size_m: the square's side.
-static void splat(const struct lens *lens, struct vec3 p, double size_m, struct background_cell *cells)
+static void splat_sample(const struct lens *lens, struct vec3 p, double size_m, struct background_cell *cells)
 {
     if (!(p.z > NEAREST_M) || p.z > FARTHEST_M)
         return;
@@ -80,7 +80,7 @@ static void splat_view(const struct place *place, const struct place_view *view,
             p.x = z * (rotation[0][0] * ray.x + rotation[0][1] * ray.y + rotation[0][2]) + shift.x;
             p.y = z * (rotation[1][0] * ray.x + rotation[1][1] * ray.y + rotation[1][2]) + shift.y;
             p.z = z * (rotation[2][0] * ray.x + rotation[2][1] * ray.y + rotation[2][2]) + shift.z;
-            splat(lens, p, STRIDE * z / own->fx, cells);
+            splat_sample(lens, p, STRIDE * z / own->fx, cells);
         }
 }
 

@@ -27,20 +27,23 @@ static uint32_t next_random(uint32_t *state) // a linear congruential generator 
     return *state >> 8;
 }
 
-static double height_above_plane(struct floor_plane f, struct vec3 p) { return v3_dot(f.up, p) + f.height_m; }
-
-static double tolerance_at(struct floor_plane f, const struct floor_sample *s)
+static double height_above_plane(struct floor_plane plane, struct vec3 p)
 {
-    return UNEVEN_M + 2 * s->sigma * fabs(v3_dot(f.up, s->p)) / s->p.z;
+    return v3_dot(plane.up, p) + plane.height_m;
+}
+
+static double tolerance_at(struct floor_plane plane, const struct floor_sample *sample)
+{
+    return UNEVEN_M + 2 * sample->sigma * fabs(v3_dot(plane.up, sample->p)) / sample->p.z;
 }
 
 // Points on the plane (*on), less a penalty for those under it: nothing is below a floor.
-static int inlier_score(struct floor_plane f, const struct floor_sample *s, int count, int *on)
+static int inlier_score(struct floor_plane plane, const struct floor_sample *sample, int count, int *on)
 {
     int under = 0;
     *on = 0;
     for (int i = 0; i < count; i++) {
-        double h = height_above_plane(f, s[i].p), tolerance = tolerance_at(f, &s[i]);
+        double h = height_above_plane(plane, sample[i].p), tolerance = tolerance_at(plane, &sample[i]);
         *on += fabs(h) < tolerance;
         under += h < -3 * tolerance - 0.05;
     }
@@ -48,31 +51,31 @@ static int inlier_score(struct floor_plane f, const struct floor_sample *s, int 
 }
 
 // Weighted least squares y' = a x + b z + c over the points on the plane, in axes rotated to it.
-static struct floor_plane refine_plane(struct floor_plane f, const struct floor_sample *s, int count)
+static struct floor_plane refine_plane(struct floor_plane plane, const struct floor_sample *sample, int count)
 {
-    struct vec3 u = v3_perpendicular(f.up), v = v3_cross(f.up, u);
+    struct vec3 u = v3_perpendicular(plane.up), v = v3_cross(plane.up, u);
     double m[3][4] = {{0}};
     for (int i = 0; i < count; i++) {
-        double h = height_above_plane(f, s[i].p), tolerance = tolerance_at(f, &s[i]);
+        double h = height_above_plane(plane, sample[i].p), tolerance = tolerance_at(plane, &sample[i]);
         if (fabs(h) > 1.5 * tolerance)
             continue;
-        double row[4] = {v3_dot(u, s[i].p), v3_dot(v, s[i].p), 1, h}, w = 1 / (tolerance * tolerance);
+        double row[4] = {v3_dot(u, sample[i].p), v3_dot(v, sample[i].p), 1, h}, w = 1 / (tolerance * tolerance);
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 4; b++)
                 m[a][b] += w * row[a] * row[b];
     }
     for (int a = 0; a < 3; a++) { // symmetric positive definite: no pivoting
         if (m[a][a] < 1e-9)
-            return f;
+            return plane;
         for (int r = 0; r < 3; r++)
             if (r != a)
                 for (int b = 3; b >= a; b--)
                     m[r][b] -= m[r][a] / m[a][a] * m[a][b];
     }
     double a = m[0][3] / m[0][0], b = m[1][3] / m[1][1], c = m[2][3] / m[2][2];
-    struct vec3 n = v3_sub(f.up, v3_add(v3_scale(u, a), v3_scale(v, b)));
+    struct vec3 n = v3_sub(plane.up, v3_add(v3_scale(u, a), v3_scale(v, b)));
     double length = v3_length(n);
-    return (struct floor_plane){v3_scale(n, 1 / length), (f.height_m - c) / length};
+    return (struct floor_plane){v3_scale(n, 1 / length), (plane.height_m - c) / length};
 }
 
 bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int width, int height, struct floor_plane *out)
@@ -88,7 +91,7 @@ bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int widt
     if (count < FLOOR_SAMPLES_MIN)
         return false;
     struct floor_plane best = {{0, -1, 0}, 0};
-    int most = 0, on = 0, most_on = 0;
+    int max = 0, on = 0, most_on = 0;
     uint32_t state = 1;
     for (int trial = 0; trial < RANSAC_TRIALS; trial++) {
         struct vec3 a = s[next_random(&state) % (uint32_t)count].p, b = s[next_random(&state) % (uint32_t)count].p,
@@ -100,8 +103,8 @@ bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int widt
             continue;
         struct floor_plane f = {n, -v3_dot(n, a)};
         int score = f.height_m > CAMERA_HEIGHT_MIN_M ? inlier_score(f, s, count, &on) : 0;
-        if (score > most) {
-            most = score;
+        if (score > max) {
+            max = score;
             most_on = on;
             best = f;
         }

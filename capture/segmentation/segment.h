@@ -21,22 +21,22 @@ struct bounding_sphere {
 
 // Copies the lens. ERR_INPUT: an invalid lens. ERR_MEMORY. *out is then NULL.
 MUST_CHECK enum status segmenter_open(struct segmenter **out, const struct lens *depth_lens);
-void segmenter_close(struct segmenter **s); // NULL is fine; sets *s = NULL
+void segmenter_close(struct segmenter **segmenter); // NULL is fine; sets *segmenter = NULL
 
 // Forgets the person; the floor and the background stay.
-void segmenter_drop_person(struct segmenter *s);
+void segmenter_drop_person(struct segmenter *segmenter);
 // Forgets everything but what was set with the two functions below.
-void segmenter_reset(struct segmenter *s);
+void segmenter_reset(struct segmenter *segmenter);
 
 // The empty room's depth from where this sensor stands, one value a depth pixel, 0 = unknown; copied. NULL: unknown
 // everywhere again.
-void segmenter_set_background(struct segmenter *s, const uint16_t *depth);
+void segmenter_set_background(struct segmenter *segmenter, const uint16_t *depth);
 
 // The floor, where it is known: `up` (unit, against gravity) and the sensor's height over it. A point is
 // up.p + height_m over the floor.
-void segmenter_set_floor(struct segmenter *s, struct vec3 up, double height_m);
+void segmenter_set_floor(struct segmenter *segmenter, struct vec3 up, double height_m);
 // False while no floor was set or found; *up is then straight up in the image.
-bool segmenter_floor(const struct segmenter *s, struct vec3 *up, double *height_m);
+bool segmenter_floor(const struct segmenter *segmenter, struct vec3 *up, double *height_m);
 
 // Fills mask[width * height] with 255 at the person's pixels and 0 elsewhere. spheres: the body as predicted for this
 // frame, or none (count 0) while no person is followed. OK, or NOTHING: no person is visible; the mask is then all 0.
@@ -50,11 +50,11 @@ MUST_CHECK enum status segmenter_second_person(struct segmenter *s, const uint16
 
 // The number of calls of segmenter_update_background in a row in which no part of the person moved by more than the
 // sensor's noise.
-int segmenter_static_frames(const struct segmenter *s);
+int segmenter_static_frames(const struct segmenter *segmenter);
 
 // Adds the last frame's person to the background model: it was a static object.
-void segmenter_absorb_static(struct segmenter *s);
+void segmenter_absorb_static(struct segmenter *segmenter);
 
 // Updates the background model from the last frame's pixels outside its mask. To be called after a segmenter_next whose
 // mask is accepted, or that found no person; about every second one is enough.
-void segmenter_update_background(struct segmenter *s);
+void segmenter_update_background(struct segmenter *segmenter);

@@ -38,14 +38,14 @@ static struct covariance3 along_and_across(struct vec3 position, double along_m,
     return covariance3_add(&across, &more);
 }
 
-struct joint_uncertainty_terms joint_uncertainty(enum joint j, struct vec3 position, const struct covariance3 *fit,
+struct joint_uncertainty_terms joint_uncertainty(enum joint joint, struct vec3 position, const struct covariance3 *fit,
                                                  const struct joint_sight *sight)
 {
-    const struct joint_kind *kind = &joint_kind[j];
-    const double most_m2 = kind->hidden_m * kind->hidden_m;
+    const struct joint_kind *kind = &joint_kind[joint];
+    const double max_m2 = kind->hidden_m * kind->hidden_m;
     struct joint_uncertainty_terms terms = {
         .scale = 1, .fit = *fit, .floor = along_and_across(position, kind->floor_along_m, kind->floor_across_m)};
-    terms.hidden_m2 = most_m2 * (1 - portable_exp(-kind->hidden_rate * sight->hidden_s / most_m2));
+    terms.hidden_m2 = max_m2 * (1 - portable_exp(-kind->hidden_rate * sight->hidden_s / max_m2));
     terms.absent_m2 = sight->seen_ever ? fmin(ABSENT_MAX_M2, ABSENT_RATE * sight->out_of_image_s) : NEVER_SEEN_M2;
     return terms;
 }

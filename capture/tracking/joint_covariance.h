@@ -27,7 +27,7 @@ struct joint_uncertainty_terms {
     double scale;                // of their sum; 1: as they are
 };
 
-struct joint_uncertainty_terms joint_uncertainty(enum joint j, struct vec3 position, const struct covariance3 *fit,
+struct joint_uncertainty_terms joint_uncertainty(enum joint joint, struct vec3 position, const struct covariance3 *fit,
                                                  const struct joint_sight *sight);
 struct covariance3 joint_uncertainty_sum(const struct joint_uncertainty_terms *terms);
 

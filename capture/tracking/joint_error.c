@@ -58,12 +58,12 @@ static const char *const smoothed_names[SMOOTHED_COUNT] = {
     "open", "moved",       "opposite",   "facing_doubt", "one_pass", "not_shown",
 };
 
-const char *joint_feature_name(enum joint_feature f) { return feature_names[f]; }
-const char *smoothed_feature_name(enum smoothed_feature f) { return smoothed_names[f]; }
+const char *joint_feature_name(enum joint_feature feature) { return feature_names[feature]; }
+const char *smoothed_feature_name(enum smoothed_feature feature) { return smoothed_names[feature]; }
 
-static bool is_of_limb(enum joint_kind k)
+static bool is_of_limb(enum joint_kind kind)
 {
-    return k == KIND_ELBOW || k == KIND_HAND || k == KIND_KNEE || k == KIND_FOOT;
+    return kind == KIND_ELBOW || kind == KIND_HAND || kind == KIND_KNEE || kind == KIND_FOOT;
 }
 
 static struct joint_error weigh(const struct kind_weights *kind, const struct feature_weights *weights,
@@ -79,33 +79,36 @@ static struct joint_error weigh(const struct kind_weights *kind, const struct fe
     return (struct joint_error){(float)scale, (float)odds, (float)scale, false};
 }
 
-static void decide(struct joint_error *e, bool shown, const struct decision *by)
+static void decide(struct joint_error *error, bool shown, const struct decision *by)
 {
-    const double beyond = (double)e->wrong_log_odds - by->limit;
-    e->is_seen = shown && beyond <= 0;
-    e->log_widening = (float)((double)e->log_scale + (e->is_seen ? by->seen : by->inferred + by->slope * beyond));
+    const double beyond = (double)error->wrong_log_odds - by->limit;
+    error->is_seen = shown && beyond <= 0;
+    error->log_widening =
+        (float)((double)error->log_scale + (error->is_seen ? by->seen : by->inferred + by->slope * beyond));
 }
 
-struct joint_error joint_error_online(enum joint j, bool shown, const struct joint_features *f)
+struct joint_error joint_error_online(enum joint joint, bool shown, const struct joint_features *features)
 {
-    const enum joint_kind k = kind_of[j];
-    struct joint_error e = weigh(&online_kind[k], online_feature, f->value, FEATURE_COUNT, !shown, is_of_limb(k));
+    const enum joint_kind k = kind_of[joint];
+    struct joint_error e =
+        weigh(&online_kind[k], online_feature, features->value, FEATURE_COUNT, !shown, is_of_limb(k));
     decide(&e, shown, &online_decision);
     return e;
 }
 
-struct joint_error joint_error_smoothed(enum joint j, bool shown, const struct smoothed_features *f)
+struct joint_error joint_error_smoothed(enum joint joint, bool shown, const struct smoothed_features *features)
 {
-    const enum joint_kind k = kind_of[j];
-    struct joint_error e = weigh(&smoothed_kind[k], smoothed_feature, f->value, SMOOTHED_COUNT, !shown, is_of_limb(k));
+    const enum joint_kind k = kind_of[joint];
+    struct joint_error e =
+        weigh(&smoothed_kind[k], smoothed_feature, features->value, SMOOTHED_COUNT, !shown, is_of_limb(k));
     decide(&e, shown, &smoothed_decision);
     return e;
 }
 
-double joint_error_factor(const struct joint_error *e, const struct covariance3 *covariance)
+double joint_error_factor(const struct joint_error *error, const struct covariance3 *covariance)
 {
-    const double sigma_m = sqrt(covariance3_trace(covariance) / 3), most_m = 0.999 * KNOWN_SIGMA_MAX_M;
-    if (!(sigma_m < most_m))
+    const double sigma_m = sqrt(covariance3_trace(covariance) / 3), max_m = 0.999 * KNOWN_SIGMA_MAX_M;
+    if (!(sigma_m < max_m))
         return 1;
-    return fmin(portable_exp((double)e->log_widening), (most_m / sigma_m) * (most_m / sigma_m));
+    return fmin(portable_exp((double)error->log_widening), (max_m / sigma_m) * (max_m / sigma_m));
 }

@@ -50,7 +50,7 @@ enum joint_feature {
     FEATURE_FIT,       // ln of the standard deviation that the fit states
     FEATURE_COUNT
 };
-const char *joint_feature_name(enum joint_feature f);
+const char *joint_feature_name(enum joint_feature feature);
 
 struct joint_features {
     double value[FEATURE_COUNT];
@@ -63,7 +63,7 @@ struct joint_error {
 };
 
 // Of the online estimate, and of the backward pass. shown: the frame shows the joint.
-struct joint_error joint_error_online(enum joint j, bool shown, const struct joint_features *f);
+struct joint_error joint_error_online(enum joint joint, bool shown, const struct joint_features *features);
 
 // What is known when both passes are.
 enum smoothed_feature {
@@ -81,16 +81,16 @@ enum smoothed_feature {
     SMOOTHED_NOT_SHOWN,    // neither pass saw it: 0 or 1
     SMOOTHED_COUNT
 };
-const char *smoothed_feature_name(enum smoothed_feature f);
+const char *smoothed_feature_name(enum smoothed_feature feature);
 
 struct smoothed_features {
     double value[SMOOTHED_COUNT];
 };
-struct joint_error joint_error_smoothed(enum joint j, bool shown, const struct smoothed_features *f);
+struct joint_error joint_error_smoothed(enum joint joint, bool shown, const struct smoothed_features *features);
 
 // The factor by which a joint's covariance grows. A joint that is known (KNOWN_SIGMA_MAX_M) stays so, and one that is
 // not keeps its covariance.
-double joint_error_factor(const struct joint_error *e, const struct covariance3 *covariance);
+double joint_error_factor(const struct joint_error *error, const struct covariance3 *covariance);
 
 // ln(1 + x / unit): grows about as x up to the unit, slowly beyond.
 double feature_log(double x, double unit);

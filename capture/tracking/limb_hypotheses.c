@@ -71,12 +71,12 @@ double flipped_log_odds(const struct fit_task *given, struct fit_scratch *scratc
     return energy_gain(given, &pose, FLIP_SIGMA, scratch);
 }
 
-static struct body_pose reach_target(const struct fit_result *from, const struct body_limb *l, struct vec3 target,
+static struct body_pose reach_target(const struct fit_result *from, const struct body_limb *limb, struct vec3 target,
                                      struct vec3 pole)
 {
     struct body_pose pose = from->pose;
-    pose.rotation[l->end] = (struct quat){0, 0, 0, 1};
-    two_bone_ik(&from->shape, &pose, l->upper, target, pole);
+    pose.rotation[limb->end] = (struct quat){0, 0, 0, 1};
+    two_bone_ik(&from->shape, &pose, limb->upper, target, pole);
     return pose;
 }
 
@@ -86,18 +86,18 @@ struct unexplained {                 // unexplained points within a limb's reach
     int count, own;
 };
 
-static struct unexplained find_unexplained(const struct depth_evidence *e, const struct fit_result *r,
-                                           const struct body_limb *l)
+static struct unexplained find_unexplained(const struct depth_evidence *evidence, const struct fit_result *result,
+                                           const struct body_limb *limb)
 {
-    struct vec3 base = r->build.origin[l->upper], opposite = r->build.origin[body_mirror(l->upper)];
-    double reach = REACH_RATE * (v3_distance(base, r->build.origin[l->lower]) +
-                                 v3_distance(r->build.origin[l->lower], r->build.origin[l->end])) +
+    struct vec3 base = result->build.origin[limb->upper], opposite = result->build.origin[body_mirror(limb->upper)];
+    double reach = REACH_RATE * (v3_distance(base, result->build.origin[limb->lower]) +
+                                 v3_distance(result->build.origin[limb->lower], result->build.origin[limb->end])) +
                    REACH_M;
     struct unexplained out = {.far = base, .own_far = base};
-    for (int i = 0; i < e->count; i++) {
-        struct vec3 p = e->point[i].p;
-        double sigma = 1 / sqrt(e->point[i].weight), d = v3_distance(p, base);
-        if ((double)r->residual[i] < UNEXPLAINED_M + 1.5 * sigma || d > reach)
+    for (int i = 0; i < evidence->count; i++) {
+        struct vec3 p = evidence->point[i].p;
+        double sigma = 1 / sqrt(evidence->point[i].weight), d = v3_distance(p, base);
+        if ((double)result->residual[i] < UNEXPLAINED_M + 1.5 * sigma || d > reach)
             continue;
         out.count++;
         if (d > v3_distance(out.far, base))
@@ -117,7 +117,7 @@ static struct unexplained find_unexplained(const struct depth_evidence *e, const
 // Fits a pose and keeps it in scratch->other if it is the likeliest so far. *least: its energy. Moving a limb costs
 // energy, so that a followed limb is not given up for a slightly better place.
 static void try_pose(const struct fit_task *task, const struct body_pose *pose, struct fit_scratch *scratch,
-                     double *least)
+                     double *min)
 {
     struct fit_task quick = *task;
     quick.learn_shape = false;
@@ -130,9 +130,9 @@ static void try_pose(const struct fit_task *task, const struct body_pose *pose, 
     for (int j = 0; j < JOINT_COUNT; j++)
         far = fmax(far, v3_distance(scratch->trial.build.joint[j], scratch->best.build.joint[j]));
     double energy = scratch->trial.energy + LIMB_MOVE_ENERGY * far;
-    if (energy >= *least)
+    if (energy >= *min)
         return;
-    *least = energy;
+    *min = energy;
     scratch->other = scratch->trial;
 }
 
@@ -140,21 +140,21 @@ enum { POLES = 3 };
 
 // Directions in which a limb's middle joint may point: an elbow down, outward or back, a knee ahead. Returns their
 // number.
-static int find_poles(const struct fit_task *task, const struct fit_result *r, int k, struct vec3 out[POLES])
+static int find_poles(const struct fit_task *task, const struct fit_result *result, int k, struct vec3 out[POLES])
 {
-    struct vec3 ahead = body_axis(&r->build, SEG_PELVIS, 2);
+    struct vec3 ahead = body_axis(&result->build, SEG_PELVIS, 2);
     if (k >= FIRST_LEG) {
         out[0] = ahead;
         return 1;
     }
     out[0] = v3_scale(task->up, -1);
-    out[1] = v3_scale(body_axis(&r->build, SEG_PELVIS, 0), k ? -1 : 1);
+    out[1] = v3_scale(body_axis(&result->build, SEG_PELVIS, 0), k ? -1 : 1);
     out[2] = v3_scale(ahead, -1);
     return 3;
 }
 
 // Where the colour image's points have a limb, if they dispute where it is.
-static void try_points(const struct fit_task *task, int k, struct fit_scratch *scratch, double *least)
+static void try_points(const struct fit_task *task, int k, struct fit_scratch *scratch, double *min)
 {
     struct limb_target target[LIMB_TARGETS_MAX];
     if (!task->points || !point_limb_is_disputed(task->points, &scratch->best.build, k))
@@ -162,11 +162,11 @@ static void try_points(const struct fit_task *task, int k, struct fit_scratch *s
     const int count = point_limb_targets(task->points, &scratch->best.build, k, target);
     for (int i = 0; i < count; i++) {
         const struct body_pose pose = reach_target(&scratch->best, &body_limbs[k], target[i].end, target[i].pole);
-        try_pose(task, &pose, scratch, least);
+        try_pose(task, &pose, scratch, min);
     }
 }
 
-static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scratch, double *least)
+static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scratch, double *min)
 {
     const struct body_limb *l = &body_limbs[k];
     const struct fit_result *best = &scratch->best;
@@ -174,25 +174,25 @@ static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scr
     double misplaced_energy = best->limb_energy[l->upper] + best->limb_energy[l->lower] + best->limb_energy[l->end];
     struct vec3 pole[POLES], down = v3_scale(task->up, -1);
     int pole_count = find_poles(task, best, k, pole);
-    try_points(task, k, scratch, least);
+    try_points(task, k, scratch, min);
     if (unexplained.count > UNEXPLAINED_SHARE * task->evidence->count && unexplained.count >= UNEXPLAINED_MIN) {
         struct body_pose pose = reach_target(best, l, unexplained.far, pole[0]);
-        try_pose(task, &pose, scratch, least);
+        try_pose(task, &pose, scratch, min);
         for (int b = 0; unexplained.own >= OWN_MIN && b < pole_count; b++) {
             pose = reach_target(best, l, unexplained.own_far, pole[b]);
-            try_pose(task, &pose, scratch, least);
+            try_pose(task, &pose, scratch, min);
             pose = reach_target(best, l, unexplained.own_middle, pole[b]);
-            try_pose(task, &pose, scratch, least);
+            try_pose(task, &pose, scratch, min);
         }
     }
     if (misplaced_energy < MISPLACED_ENERGY)
         return;
     struct body_pose pose = best->pose; // hanging
     pose.rotation[l->upper] = pose.rotation[l->lower] = pose.rotation[l->end] = (struct quat){0, 0, 0, 1};
-    try_pose(task, &pose, scratch, least);
+    try_pose(task, &pose, scratch, min);
     struct vec3 base = best->build.origin[l->upper]; // hidden behind the trunk
     pose = reach_target(best, l, v3_add(base, v3_add(v3_scale(down, 0.3), v3(0, 0, 0.2))), down);
-    try_pose(task, &pose, scratch, least);
+    try_pose(task, &pose, scratch, min);
 }
 
 int limb_search(const struct fit_task *given, struct fit_scratch *scratch)
@@ -205,10 +205,10 @@ int limb_search(const struct fit_task *given, struct fit_scratch *scratch)
     body_evaluate(&wide, &now, &shape, &scratch->best);
     int moved = 0;
     for (; moved < SEARCH_ROUNDS; moved++) {
-        double least = ENOUGH_RATE * scratch->best.energy - ENOUGH_ENERGY, enough = least;
+        double min = ENOUGH_RATE * scratch->best.energy - ENOUGH_ENERGY, enough = min;
         for (int k = 0; k < LIMB_COUNT; k++)
-            try_limb(&wide, k, scratch, &least);
-        if (least >= enough)
+            try_limb(&wide, k, scratch, &min);
+        if (min >= enough)
             break;
         scratch->best = scratch->other;
     }
@@ -246,7 +246,7 @@ void limb_copy(int k, const struct body_pose *from, struct body_pose *to)
 }
 
 // Rotates segment s about its own origin to the axes that it has in `from`.
-static void match_orientation(const struct body_shape *shape, enum segment s, const struct body_build *from,
+static void match_orientation(const struct body_shape *shape, enum segment segment, const struct body_build *from,
                               struct body_pose *to)
 {
     struct body_build build;
@@ -256,9 +256,9 @@ static void match_orientation(const struct body_shape *shape, enum segment s, co
         for (int c = 0; c < 3; c++) {
             wanted[r][c] = 0;
             for (int i = 0; i < 3; i++)
-                wanted[r][c] += build.parent_axes[s][i][r] * from->axes[s][i][c];
+                wanted[r][c] += build.parent_axes[segment][i][r] * from->axes[segment][i][c];
         }
-    to->rotation[s] = quat_from_matrix(wanted);
+    to->rotation[segment] = quat_from_matrix(wanted);
 }
 
 void limb_transfer(int k, const struct body_shape *shape, const struct body_build *from, struct body_pose *to)
@@ -298,107 +298,108 @@ struct limb_task {
 };
 
 // Distance of the nearest solid that is not of this limb.
-static double other_distance(const struct fit_result *r, const struct body_limb *l, int i, struct vec3 p)
+static double other_distance(const struct fit_result *result, const struct body_limb *limb, int i, struct vec3 p)
 {
-    if (r->solid[i] < l->first_solid || r->solid[i] >= l->first_solid + LIMB_SOLIDS)
-        return (double)r->residual[i];
-    double least = 1e9;
-    for (int k = 0; k < r->build.solids; k++) {
-        if (k == l->first_solid)
+    if (result->solid[i] < limb->first_solid || result->solid[i] >= limb->first_solid + LIMB_SOLIDS)
+        return (double)result->residual[i];
+    double min = 1e9;
+    for (int k = 0; k < result->build.solids; k++) {
+        if (k == limb->first_solid)
             k += LIMB_SOLIDS;
-        if (k == r->build.solids)
+        if (k == result->build.solids)
             break;
-        double d = solid_distance(&r->build.solid[k], p, NULL);
-        least = fabs(d) < fabs(least) ? d : least;
+        double d = solid_distance(&result->build.solid[k], p, NULL);
+        min = fabs(d) < fabs(min) ? d : min;
     }
-    return least;
+    return min;
 }
 
 // Collects the limb's points, and targets among those well off the rest of the body: farthest-point sampling, the first
 // one the farthest from the limb's root.
-static void find_targets(struct limb_task *t)
+static void find_targets(struct limb_task *task)
 {
-    const struct depth_evidence *e = t->task->evidence;
-    const struct fit_result *r = t->best;
-    struct vec3 base = r->build.origin[t->limb->upper];
-    double reach = CLOSE_REACH_RATE * (v3_distance(base, r->build.origin[t->limb->lower]) +
-                                       v3_distance(r->build.origin[t->limb->lower], r->build.origin[t->limb->end])) +
-                   REACH_M;
-    t->count = t->targets = 0;
+    const struct depth_evidence *e = task->task->evidence;
+    const struct fit_result *r = task->best;
+    struct vec3 base = r->build.origin[task->limb->upper];
+    double reach =
+        CLOSE_REACH_RATE * (v3_distance(base, r->build.origin[task->limb->lower]) +
+                            v3_distance(r->build.origin[task->limb->lower], r->build.origin[task->limb->end])) +
+        REACH_M;
+    task->count = task->targets = 0;
     for (int i = 0; i < e->count; i++) {
         struct vec3 p = e->point[i].p;
         if (v3_distance(p, base) > reach)
             continue;
-        t->point[t->count] = (struct limb_point){i, other_distance(r, t->limb, i, p)};
-        t->count += fabs(t->point[t->count].other_distance_m) > OFF_BODY_M;
+        task->point[task->count] = (struct limb_point){i, other_distance(r, task->limb, i, p)};
+        task->count += fabs(task->point[task->count].other_distance_m) > OFF_BODY_M;
     }
     double target_distance[EVIDENCE_POINTS_MAX]; // of each to the nearest target so far
-    for (int i = 0; i < t->count; i++) {
-        const struct evidence_point *p = &e->point[t->point[i].index];
+    for (int i = 0; i < task->count; i++) {
+        const struct evidence_point *p = &e->point[task->point[i].index];
         target_distance[i] =
-            t->point[i].other_distance_m > TARGET_OFF_M + 1 / sqrt(p->weight) ? v3_distance(p->p, base) : 0;
+            task->point[i].other_distance_m > TARGET_OFF_M + 1 / sqrt(p->weight) ? v3_distance(p->p, base) : 0;
     }
-    while (t->targets < TARGETS) {
-        int most = -1;
-        for (int i = 0; i < t->count; i++)
-            if (target_distance[i] > DISTINCT_M && (most < 0 || target_distance[i] > target_distance[most]))
-                most = i;
-        if (most < 0)
+    while (task->targets < TARGETS) {
+        int max = -1;
+        for (int i = 0; i < task->count; i++)
+            if (target_distance[i] > DISTINCT_M && (max < 0 || target_distance[i] > target_distance[max]))
+                max = i;
+        if (max < 0)
             return;
-        struct vec3 found = e->point[t->point[most].index].p;
-        t->target[t->targets++] = found;
-        for (int i = 0; i < t->count; i++)
-            target_distance[i] = fmin(target_distance[i], v3_distance(e->point[t->point[i].index].p, found));
+        struct vec3 found = e->point[task->point[max].index].p;
+        task->target[task->targets++] = found;
+        for (int i = 0; i < task->count; i++)
+            target_distance[i] = fmin(target_distance[i], v3_distance(e->point[task->point[i].index].p, found));
     }
 }
 
 // The energy of the limb's points and solids in a pose.
-static double limb_energy(const struct limb_task *t, const struct body_build *build)
+static double limb_energy(const struct limb_task *task, const struct body_build *build)
 {
-    const struct limb_evidence evidence = {t->limb->first_solid, LIMB_SOLIDS, t->point, t->count};
-    return body_evaluate_limb(t->task, build, &evidence);
+    const struct limb_evidence evidence = {task->limb->first_solid, LIMB_SOLIDS, task->point, task->count};
+    return body_evaluate_limb(task->task, build, &evidence);
 }
 
 // Judges a pose by the limb's own solids and keeps it if it is one of the likeliest.
-static void keep_candidate(struct limb_task *t, struct vec3 target, struct vec3 pole)
+static void keep_candidate(struct limb_task *task, struct vec3 target, struct vec3 pole)
 {
-    const struct fit_result *r = t->best;
-    struct limb_candidate candidate = {reach_target(r, t->limb, target, pole), 0};
+    const struct fit_result *r = task->best;
+    struct limb_candidate candidate = {reach_target(r, task->limb, target, pole), 0};
     struct body_build build;
     body_forward_kinematics(&r->shape, &candidate.pose, &build);
-    if (limb_moved_m((int)(t->limb - body_limbs), &r->build, &build) < DISTINCT_M)
+    if (limb_moved_m((int)(task->limb - body_limbs), &r->build, &build) < DISTINCT_M)
         return;
-    candidate.energy = limb_energy(t, &build);
+    candidate.energy = limb_energy(task, &build);
     for (int i = 0; i < KEPT; i++)
-        if (candidate.energy < t->kept[i].energy) {
-            struct limb_candidate other = t->kept[i];
-            t->kept[i] = candidate;
+        if (candidate.energy < task->kept[i].energy) {
+            struct limb_candidate other = task->kept[i];
+            task->kept[i] = candidate;
             candidate = other;
         }
 }
 
 // Keeps candidates of targets as the limb's end, and of pairs of targets as end and elbow.
-static void find_candidates(struct limb_task *t, int k)
+static void find_candidates(struct limb_task *task, int k)
 {
-    const struct fit_result *best = t->best;
-    struct vec3 pole[POLES], base = best->build.origin[t->limb->upper];
-    int pole_count = find_poles(t->task, best, k, pole);
-    double upper_m = v3_distance(base, best->build.origin[t->limb->lower]);
-    for (int i = 0; i < t->targets; i++) {
+    const struct fit_result *best = task->best;
+    struct vec3 pole[POLES], base = best->build.origin[task->limb->upper];
+    int pole_count = find_poles(task->task, best, k, pole);
+    double upper_m = v3_distance(base, best->build.origin[task->limb->lower]);
+    for (int i = 0; i < task->targets; i++) {
         for (int b = 0; b < pole_count; b++)
-            keep_candidate(t, t->target[i], pole[b]);
-        for (int j = 0; j < t->targets; j++) // or target j is the elbow
-            if (i != j && fabs(v3_distance(t->target[j], base) - upper_m) < ELBOW_SLACK_M)
-                keep_candidate(t, t->target[i], v3_sub(t->target[j], base));
+            keep_candidate(task, task->target[i], pole[b]);
+        for (int j = 0; j < task->targets; j++) // or target j is the elbow
+            if (i != j && fabs(v3_distance(task->target[j], base) - upper_m) < ELBOW_SLACK_M)
+                keep_candidate(task, task->target[i], v3_sub(task->target[j], base));
     }
     if (k < FIRST_LEG) { // or elbow and hand are mistaken for each other
-        struct vec3 elbow = best->build.origin[t->limb->lower], hand = best->build.origin[t->limb->end];
-        keep_candidate(t, elbow, v3_sub(hand, base));
+        struct vec3 elbow = best->build.origin[task->limb->lower], hand = best->build.origin[task->limb->end];
+        keep_candidate(task, elbow, v3_sub(hand, base));
     }
     struct limb_target target[LIMB_TARGETS_MAX];
-    const int pointed = point_limb_targets(t->task->points, &best->build, k, target);
+    const int pointed = point_limb_targets(task->task->points, &best->build, k, target);
     for (int i = 0; i < pointed; i++)
-        keep_candidate(t, target[i].end, target[i].pole);
+        keep_candidate(task, target[i].end, target[i].pole);
 }
 
 double limb_alternative_log_odds(const struct fit_task *given, int k, struct fit_scratch *scratch)
@@ -421,16 +422,16 @@ double limb_alternative_log_odds(const struct fit_task *given, int k, struct fit
     task.expected = scratch->best.pose;
     struct body_pose pose = scratch->best.pose;
     body_fit(&task, &pose, &scratch->trial); // a fit is compared with a fit
-    double least = 1e300;
+    double min = 1e300;
     now = scratch->trial.energy;
     for (int i = 0; i < KEPT && t.kept[i].energy < rough; i++) {
         task.expected = t.kept[i].pose;
         body_fit(&task, &t.kept[i].pose, &scratch->trial);
-        if (scratch->trial.energy < least) {
-            least = scratch->trial.energy;
+        if (scratch->trial.energy < min) {
+            min = scratch->trial.energy;
             scratch->other = scratch->trial;
         }
     }
     scratch->trial = scratch->other;
-    return limb_moved_m(k, &scratch->best.build, &scratch->trial.build) < DISTINCT_M ? -1 : now - least;
+    return limb_moved_m(k, &scratch->best.build, &scratch->trial.build) < DISTINCT_M ? -1 : now - min;
 }

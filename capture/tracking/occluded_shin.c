@@ -1,6 +1,6 @@
 #include "capture/tracking/occluded_shin.h"
-#include "base/portable_math.h"
 
+#include "base/portable_math.h"
 #include "capture/body/silhouette_cost.h"
 #include "capture/body/two_bone_ik.h"
 
@@ -54,7 +54,7 @@ double shin_alternative_log_odds(const struct fit_task *task, int leg, struct fi
     const struct body_solid *foot = &best->build.solid[s->first + 1];
     struct vec3 knee = best->build.origin[s->lower], along = v3_unit(v3_sub(best->build.origin[s->foot], knee)),
                 across = v3_unit(v3_cross(along, knee)), toe = v3_mix(foot->a, foot->b, TOE_SHARE);
-    double now = scratch->trial.energy + outside, least = now;
+    double now = scratch->trial.energy + outside, min = now;
     for (int i = -STEPS; i <= STEPS; i++)
         for (int f = 0; f < FEET && abs(i) >= FIRST_STEP; f++) {
             struct body_pose pose = best->pose;
@@ -69,10 +69,10 @@ double shin_alternative_log_odds(const struct fit_task *task, int leg, struct fi
             if (outside - there <= chosen)
                 continue;
             body_evaluate(task, &pose, &best->shape, &scratch->trial);
-            if (scratch->trial.energy + there < least) {
-                least = scratch->trial.energy + there;
+            if (scratch->trial.energy + there < min) {
+                min = scratch->trial.energy + there;
                 *out = pose;
             }
         }
-    return fmax(0, now - least - chosen);
+    return fmax(0, now - min - chosen);
 }

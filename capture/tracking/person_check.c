@@ -15,15 +15,15 @@
 enum { FLAT_ROUNDS = 12 };         // of its fit
 
 // The share of the points that lie within FLAT_M of one plane, fitted with the kernel of Geman and McClure.
-static double flat_share(const struct depth_evidence *e)
+static double flat_share(const struct depth_evidence *evidence)
 {
     // A plane is linear in inverse depth: 1/z = a x/z + b y/z + c. Iteratively reweighted least squares.
     double plane[3] = {0}, share = 0;
     for (int round = 0; round < FLAT_ROUNDS; round++) {
         double h[3][4] = {{0}};
         int near = 0;
-        for (int i = 0; i < e->count; i++) {
-            const struct vec3 p = e->point[i].p;
+        for (int i = 0; i < evidence->count; i++) {
+            const struct vec3 p = evidence->point[i].p;
             const double row[4] = {p.x / p.z, p.y / p.z, 1, 1 / p.z};
             const double off = round ? p.z * p.z * (row[0] * plane[0] + row[1] * plane[1] + plane[2] - row[3]) : 0;
             const double fade = FLAT_M * FLAT_M / (FLAT_M * FLAT_M + off * off),
@@ -33,7 +33,7 @@ static double flat_share(const struct depth_evidence *e)
                 for (int c = 0; c < 4; c++)
                     h[r][c] += w * row[r] * row[c];
         }
-        share = (double)near / e->count;
+        share = (double)near / evidence->count;
         for (int k = 0; k < 3; k++)
             for (int r = 0; r < 3; r++) {
                 const double by = r == k ? 0 : h[r][k] / h[k][k];
@@ -47,17 +47,17 @@ static double flat_share(const struct depth_evidence *e)
 }
 
 // Whether any point is on the fitted head.
-static bool shows_head(const struct depth_evidence *e, const struct fit_result *fit)
+static bool shows_head(const struct depth_evidence *evidence, const struct fit_result *fit)
 {
-    for (int i = 0; i < e->count; i++)
+    for (int i = 0; i < evidence->count; i++)
         if (fit->build.solid[fit->solid[i]].segment == SEG_HEAD && fabs((double)fit->residual[i]) < CLOSE_M)
             return true;
     return false;
 }
 
-bool is_like_person(const struct depth_evidence *e, const struct fit_result *fit)
+bool is_like_person(const struct depth_evidence *evidence, const struct fit_result *fit)
 {
-    return explained_share(e, fit, CLOSE_M) > CLOSE_SHARE_MIN && fit->energy < PERSON_ENERGY_MAX &&
-           shape_log_odds(&fit->shape) < PERSON_SHAPE_MAX && flat_share(e) < FLAT_SHARE_MAX &&
-           (shows_head(e, fit) || e->extent_m2 > HEADLESS_AREA_MIN_M2);
+    return explained_share(evidence, fit, CLOSE_M) > CLOSE_SHARE_MIN && fit->energy < PERSON_ENERGY_MAX &&
+           shape_log_odds(&fit->shape) < PERSON_SHAPE_MAX && flat_share(evidence) < FLAT_SHARE_MAX &&
+           (shows_head(evidence, fit) || evidence->extent_m2 > HEADLESS_AREA_MIN_M2);
 }

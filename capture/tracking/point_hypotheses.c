@@ -1,4 +1,5 @@
 #include "capture/tracking/point_hypotheses.h"
+
 #include "base/portable_math.h"
 
 #include <stdlib.h>
@@ -68,16 +69,16 @@ bool point_limb_is_disputed(const struct point_evidence *points, const struct bo
 
 int point_disputed_limb(const struct point_evidence *points, const struct body_build *build)
 {
-    int most = -1;
+    int max = -1;
     double share = DISPUTED_SHARE;
     for (int k = 0; k < LIMB_COUNT; k++) {
         const double against = point_evidence_dispute(points, build, body_limbs[k].first_solid, LIMB_SOLIDS);
         if (against > share) {
             share = against;
-            most = k;
+            max = k;
         }
     }
-    return most;
+    return max;
 }
 
 // The distance along a ray of the first surface that depth shows; 0: none.
@@ -135,7 +136,7 @@ int point_spheres(const struct point_evidence *points, const struct lens *lens, 
     return count < POINTS_MIN ? 0 : count;
 }
 
-bool points_are_on_person(const struct point_evidence *points, const struct depth_evidence *e, double distance_m)
+bool points_are_on_person(const struct point_evidence *points, const struct depth_evidence *evidence, double distance_m)
 {
     int on = 0;
     for (int i = 0; i < points->count; i++) {
@@ -143,9 +144,9 @@ bool points_are_on_person(const struct point_evidence *points, const struct dept
         double depth, dx, dy;
         if (p.z < MARCH_FIRST_M)
             continue;
-        const enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, p), p.z, &depth, &dx, &dy);
+        const enum evidence_kind kind = evidence_at(evidence, lens_project(&evidence->lens, p), p.z, &depth, &dx, &dy);
         on += kind == EVIDENCE_PERSON ||
-              (kind == EVIDENCE_OFF_PERSON && portable_hypot(dx, dy) * p.z / e->lens.fx < BESIDE_M);
+              (kind == EVIDENCE_OFF_PERSON && portable_hypot(dx, dy) * p.z / evidence->lens.fx < BESIDE_M);
     }
     return points->count >= POINTS_MIN && on > ON_SHARE * points->count;
 }

@@ -35,4 +35,5 @@ int point_spheres(const struct point_evidence *points, const struct lens *lens, 
                   struct bounding_sphere out[POINT_SPHERES_MAX]);
 
 // Whether the points are on the person whom the evidence shows, distance_m away.
-bool points_are_on_person(const struct point_evidence *points, const struct depth_evidence *e, double distance_m);
+bool points_are_on_person(const struct point_evidence *points, const struct depth_evidence *evidence,
+                          double distance_m);

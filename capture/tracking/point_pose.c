@@ -12,9 +12,9 @@
 static const enum body_point_name trunk_point[4] = {BODY_POINT_LEFT_SHOULDER, BODY_POINT_RIGHT_SHOULDER,
                                                     BODY_POINT_LEFT_HIP, BODY_POINT_RIGHT_HIP};
 
-static struct vec3 on_ray(const struct point_evidence *e, enum body_point_name name, double far_m)
+static struct vec3 on_ray(const struct point_evidence *evidence, enum body_point_name name, double far_m)
 {
-    return v3_add(e->eye, v3_scale(e->ray[e->index[name]].along, far_m));
+    return v3_add(evidence->eye, v3_scale(evidence->ray[evidence->index[name]].along, far_m));
 }
 
 // The joint that two points of the trunk have between them, from their rays and the depth behind these. False: there is
@@ -77,14 +77,14 @@ static void place_limb(const struct fit_task *task, int k, struct body_pose *pos
     body_forward_kinematics(shape, pose, &build);
     const int count = point_limb_targets(task->points, &build, k, target);
     const struct body_pose hanging = *pose;
-    double least = 1e9;
+    double min = 1e9;
     for (int i = 0; i < count; i++) {
         struct body_pose tried = hanging;
         two_bone_ik(shape, &tried, body_limbs[k].upper, target[i].end, target[i].pole);
         body_forward_kinematics(shape, &tried, &build);
         const double off = off_depth_m(task, k, &build);
-        if (off < least) {
-            least = off;
+        if (off < min) {
+            min = off;
             *pose = tried;
         }
     }

@@ -1,8 +1,9 @@
 #include "capture/tracking/pose_init.h"
-#include "base/portable_math.h"
 
+#include "base/portable_math.h"
 #include "capture/body/hem_detector.h"
 #include "capture/tracking/point_pose.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -45,12 +46,12 @@ static const double TALL_MIN_M = 0.9, TALL_MAX_M = 2.4, GUESS_MAX_M = 2.0, LEGS_
 static const double TRUNK_LOW = 0.5, TRUNK_HIGH = 0.2;
 enum { TRUNK_POINTS_MIN = 8, POINTS_MIN = 30, START_STRIDE = 3 };
 
-double explained_share(const struct depth_evidence *e, const struct fit_result *r, double within_m)
+double explained_share(const struct depth_evidence *evidence, const struct fit_result *result, double within_m)
 {
     int good = 0;
-    for (int i = 0; i < e->count; i++)
-        good += fabs((double)r->residual[i]) < within_m;
-    return e->count ? (double)good / e->count : 0;
+    for (int i = 0; i < evidence->count; i++)
+        good += fabs((double)result->residual[i]) < within_m;
+    return evidence->count ? (double)good / evidence->count : 0;
 }
 
 static int compare_doubles(const void *a, const void *b)
@@ -142,9 +143,9 @@ enum posture {
 };
 static const double height_rate[POSTURES] = {1, 1, 0.80, 1.35, 1.35, 1, 1};
 
-static void rotate(struct body_pose *pose, enum segment s, double x, double z)
+static void rotate(struct body_pose *pose, enum segment segment, double x, double z)
 {
-    pose->rotation[s] = quat_from_rotation_vector(v3(x, 0, z));
+    pose->rotation[segment] = quat_from_rotation_vector(v3(x, 0, z));
 }
 
 static void take_posture(struct body_pose *pose, enum posture posture)
@@ -201,14 +202,15 @@ static struct pose_candidates no_candidates(const struct fit_task *task, bool un
     return none;
 }
 
-static void keep_best(struct pose_candidates *c, const struct fit_result *r, enum posture posture)
+static void keep_best(struct pose_candidates *candidates, const struct fit_result *result, enum posture posture)
 {
-    struct vec3 ahead = ahead_of(&r->pose);
+    struct vec3 ahead = ahead_of(&result->pose);
     int facing = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
-    double energy = r->energy + facing_log_odds(&r->pose, c->away_log_odds) + shape_log_odds(&r->shape);
-    struct start_pose *best = &c->of[facing + (height_rate[posture] == 1 ? 0 : FACINGS)];
+    double energy =
+        result->energy + facing_log_odds(&result->pose, candidates->away_log_odds) + shape_log_odds(&result->shape);
+    struct start_pose *best = &candidates->of[facing + (height_rate[posture] == 1 ? 0 : FACINGS)];
     if (energy < best->energy)
-        *best = (struct start_pose){r->pose, r->shape, energy};
+        *best = (struct start_pose){result->pose, result->shape, energy};
 }
 
 // Fits roughly from `pose` into scratch->trial, first with a wide kernel.
@@ -226,17 +228,17 @@ static void fit_start(struct fit_task *task, const struct body_pose *pose, struc
 }
 
 // Refines a rough fit, with a limb search and the shape learned, into scratch->best.
-static void refine_candidate(struct fit_task *task, const struct start_pose *c, struct fit_scratch *scratch)
+static void refine_candidate(struct fit_task *task, const struct start_pose *start_pose, struct fit_scratch *scratch)
 {
-    struct body_pose pose = c->pose;
+    struct body_pose pose = start_pose->pose;
     task->point_stride = 1;
     task->learn_shape = false;
-    task->shape.mean = c->shape;
+    task->shape.mean = start_pose->shape;
     task->expected = pose;
     task->expected_sigma = REFINE_SIGMA;
     task->iterations = WIDE_ITERATIONS;
     task->kernel_m = ROUGH_KERNEL_M;
-    body_evaluate(task, &pose, &c->shape, &scratch->best);
+    body_evaluate(task, &pose, &start_pose->shape, &scratch->best);
     for (int round = 0; round < LIMB_SEARCHES; round++)
         limb_search(task, scratch);
     task->learn_shape = true;
@@ -264,11 +266,11 @@ static void apply_skirt(struct fit_task *task, double height_m)
 static void choose_best(struct fit_task *task, const struct pose_candidates *rough, struct fit_scratch *scratch)
 {
     struct start_pose best = {.energy = INFINITY};
-    double least = INFINITY;
+    double min = INFINITY;
     for (int i = 0; i < FACINGS * SIZES; i++)
-        least = fmin(least, rough->of[i].energy);
+        min = fmin(min, rough->of[i].energy);
     for (int i = 0; i < FACINGS * SIZES; i++) {
-        if (!(rough->of[i].energy <= REFINE_RATE * least))
+        if (!(rough->of[i].energy <= REFINE_RATE * min))
             continue;
         refine_candidate(task, &rough->of[i], scratch);
         struct start_pose fine = {scratch->best.pose, scratch->best.shape, 0};
@@ -284,36 +286,38 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
 }
 
 // Where the waist joint of a person in this posture is.
-static struct vec3 start_root(const struct fit_task *task, const struct person_measures *s, enum posture posture)
+static struct vec3 start_root(const struct fit_task *task, const struct person_measures *measures, enum posture posture)
 {
-    double rise = posture == BENT ? s->bottom + WAIST_RATE * s->height : s->top - CROWN_RATE * s->height;
+    double rise = posture == BENT ? measures->bottom + WAIST_RATE * measures->height
+                                  : measures->top - CROWN_RATE * measures->height;
     double waist = rise - task->floor_m;
-    struct vec3 root = v3(s->trunk.x, 0, s->trunk.z + SPINE_DEPTH_RATE * s->height);
+    struct vec3 root = v3(measures->trunk.x, 0, measures->trunk.z + SPINE_DEPTH_RATE * measures->height);
     root.y = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
     return root;
 }
 
 // The measures of the person who would be in this posture. False: the points do not allow for it.
-static bool adapt_measures(const struct fit_task *task, struct person_measures *s, enum posture posture)
+static bool adapt_measures(const struct fit_task *task, struct person_measures *measures, enum posture posture)
 {
     if (height_rate[posture] == 1)
         return true;
-    if (s->head_cropped || s->side_cropped || s->height_from_points || (s->legs_cropped && !task->have_floor))
+    if (measures->head_cropped || measures->side_cropped || measures->height_from_points ||
+        (measures->legs_cropped && !task->have_floor))
         return false;
-    s->height *= height_rate[posture];
+    measures->height *= height_rate[posture];
     if (posture == ARMS_RAISED)
-        s->top = s->bottom + s->height;
-    return s->height > TALL_MIN_M && s->height < GUESS_MAX_M && measure_trunk(task, s);
+        measures->top = measures->bottom + measures->height;
+    return measures->height > TALL_MIN_M && measures->height < GUESS_MAX_M && measure_trunk(task, measures);
 }
 
 // What is known of the shape before the first fit.
-static void start_shape(struct fit_task *task, const struct person_measures *s)
+static void start_shape(struct fit_task *task, const struct person_measures *measures)
 {
     task->shape = shape_prior_default();
-    task->shape.mean.log[SHAPE_SCALE] = portable_log(s->height / BODY_AVERAGE_HEIGHT_M);
-    if (s->height_from_points || (!s->legs_cropped && !s->head_cropped))
+    task->shape.mean.log[SHAPE_SCALE] = portable_log(measures->height / BODY_AVERAGE_HEIGHT_M);
+    if (measures->height_from_points || (!measures->legs_cropped && !measures->head_cropped))
         task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (HEIGHT_SIGMA * HEIGHT_SIGMA);
-    apply_skirt(task, s->height);
+    apply_skirt(task, measures->height);
 }
 
 // Fits a posture in all directions. Cropped at a side, one direction is enough: half a person fits any of them. Then,
@@ -343,13 +347,13 @@ static void try_posture(struct fit_task *task, const struct person_measures *mea
 }
 
 // Fits what the colour image's points suggest: a body in mid-motion may be far from any posture.
-static void try_pointed(struct fit_task *task, const struct person_measures *s, struct fit_scratch *scratch,
+static void try_pointed(struct fit_task *task, const struct person_measures *measures, struct fit_scratch *scratch,
                         struct pose_candidates *rough)
 {
     struct body_pose pointed[POINT_POSES];
     const int count = point_poses(task, pointed);
     if (count)
-        start_shape(task, s);
+        start_shape(task, measures);
     task->learn_shape = false;
     task->point_stride = START_STRIDE;
     for (int i = 0; i < count; i++) {
@@ -378,10 +382,10 @@ bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
 
 static double largest_distance(const struct body_build *a, const struct body_build *b)
 {
-    double most = 0;
+    double max = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
-        most = fmax(most, v3_distance(a->joint[j], b->joint[j]));
-    return most;
+        max = fmax(max, v3_distance(a->joint[j], b->joint[j]));
+    return max;
 }
 
 // One of the starts, fitted roughly into scratch->trial: each turn another posture and direction. False: the points do
@@ -402,7 +406,10 @@ static bool fit_turn(struct fit_task *task, const struct person_measures *measur
     return true;
 }
 
-static double energy_with_shape(const struct fit_result *r) { return r->energy + shape_log_odds(&r->shape); }
+static double energy_with_shape(const struct fit_result *result)
+{
+    return result->energy + shape_log_odds(&result->shape);
+}
 
 // Refines the start in scratch->trial into scratch->best and compares it with the followed body. feet: they are
 // visible; of depth only they tell which way a person faces.

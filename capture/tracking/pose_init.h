@@ -22,4 +22,4 @@ bool pose_reinit(struct fit_task *task, const struct body_pose *followed, bool f
 bool pose_restart(struct fit_task *task, const struct body_pose *followed, int turn, struct fit_scratch *scratch);
 
 // The share of the points within `within_m` of the body.
-double explained_share(const struct depth_evidence *e, const struct fit_result *r, double within_m);
+double explained_share(const struct depth_evidence *evidence, const struct fit_result *result, double within_m);

@@ -1,6 +1,6 @@
 #include "capture/tracking/skeleton_smoother.h"
-#include "base/portable_math.h"
 
+#include "base/portable_math.h"
 #include "capture/tracking/smoother_internal.h"
 #include "capture/tracking/tracker_backward.h"
 
@@ -40,65 +40,65 @@ enum status smoother_open(struct smoother **out, const struct calibration *calib
     return OK;
 }
 
-void smoother_close(struct smoother **s)
+void smoother_close(struct smoother **smoother)
 {
-    if (!*s)
+    if (!*smoother)
         return;
-    free((*s)->frame);
-    free((*s)->points);
-    free((*s)->shape);
-    free(*s);
-    *s = NULL;
+    free((*smoother)->frame);
+    free((*smoother)->points);
+    free((*smoother)->shape);
+    free(*smoother);
+    *smoother = NULL;
 }
 
-void smoother_limit_memory(struct smoother *s, size_t bytes_max) { s->bytes_max = bytes_max; }
+void smoother_limit_memory(struct smoother *smoother, size_t bytes_max) { smoother->bytes_max = bytes_max; }
 
 // ------------------------------------------------------------- forward and backward pass
 
-static enum status check_limit(const struct smoother *s, int64_t frames, int points)
+static enum status check_limit(const struct smoother *smoother, int64_t frames, int points)
 {
-    const size_t bytes = (size_t)frames * sizeof *s->frame + (size_t)points * sizeof *s->points;
-    if (s->bytes_max && bytes > s->bytes_max)
-        return fail(ERR_MEMORY, "smoothing needs more than the %zu bytes allowed", s->bytes_max);
+    const size_t bytes = (size_t)frames * sizeof *smoother->frame + (size_t)points * sizeof *smoother->points;
+    if (smoother->bytes_max && bytes > smoother->bytes_max)
+        return fail(ERR_MEMORY, "smoothing needs more than the %zu bytes allowed", smoother->bytes_max);
     return OK;
 }
 
-static enum status reserve_points(struct smoother *s)
+static enum status reserve_points(struct smoother *smoother)
 {
-    if (s->points_count < s->points_capacity)
+    if (smoother->points_count < smoother->points_capacity)
         return OK;
-    const int capacity = s->points_capacity ? 2 * s->points_capacity : 64;
-    enum status status = check_limit(s, s->capacity, capacity);
+    const int capacity = smoother->points_capacity ? 2 * smoother->points_capacity : 64;
+    enum status status = check_limit(smoother, smoother->capacity, capacity);
     if (status != OK)
         return status;
-    struct body_points *grown = realloc(s->points, (size_t)capacity * sizeof *grown);
+    struct body_points *grown = realloc(smoother->points, (size_t)capacity * sizeof *grown);
     if (!grown)
         return fail(ERR_MEMORY, "not enough memory to smooth a take");
-    s->points = grown;
-    s->points_capacity = capacity;
+    smoother->points = grown;
+    smoother->points_capacity = capacity;
     return OK;
 }
 
-static enum status reserve(struct smoother *s, int people)
+static enum status reserve(struct smoother *smoother, int people)
 {
-    if (s->count == s->capacity) {
-        int64_t capacity = s->capacity ? 2 * s->capacity : 256;
-        enum status status = check_limit(s, capacity, s->points_capacity);
+    if (smoother->count == smoother->capacity) {
+        int64_t capacity = smoother->capacity ? 2 * smoother->capacity : 256;
+        enum status status = check_limit(smoother, capacity, smoother->points_capacity);
         if (status != OK)
             return status;
-        struct smoother_frame *grown = realloc(s->frame, (size_t)capacity * sizeof *grown);
+        struct smoother_frame *grown = realloc(smoother->frame, (size_t)capacity * sizeof *grown);
         if (!grown)
             return fail(ERR_MEMORY, "not enough memory to smooth a take");
-        s->frame = grown;
-        s->capacity = capacity;
+        smoother->frame = grown;
+        smoother->capacity = capacity;
     }
-    if (people > s->people) {
-        struct body_shape *grown = realloc(s->shape, (size_t)people * sizeof *grown);
+    if (people > smoother->people) {
+        struct body_shape *grown = realloc(smoother->shape, (size_t)people * sizeof *grown);
         if (!grown)
             return fail(ERR_MEMORY, "not enough memory to smooth a take");
-        memset(grown + s->people, 0, (size_t)(people - s->people) * sizeof *grown);
-        s->shape = grown;
-        s->people = people;
+        memset(grown + smoother->people, 0, (size_t)(people - smoother->people) * sizeof *grown);
+        smoother->shape = grown;
+        smoother->people = people;
     }
     return OK;
 }
@@ -118,17 +118,17 @@ enum status smoother_set_points(struct smoother *s, int64_t index, const struct 
 }
 
 // What a pass estimates for a frame, and how sure it is.
-static void keep_estimate(const struct smoother *s, const struct tracker *t, const struct skeleton *is,
-                          enum estimate pass, struct smoother_frame *m)
+static void keep_estimate(const struct smoother *smoother, const struct tracker *tracker, const struct skeleton *is,
+                          enum estimate pass, struct smoother_frame *frame)
 {
-    m->estimate[pass] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), is);
+    frame->estimate[pass] = skeleton_transform(pose_inverse(smoother->calibration.color_from_depth), is);
     for (int j = 0; j < JOINT_COUNT; j++) {
-        struct joint_uncertainty_terms terms = tracker_uncertainty_terms(t)[j];
+        struct joint_uncertainty_terms terms = tracker_uncertainty_terms(tracker)[j];
         terms.scale = 1;
         const struct covariance3 c = joint_uncertainty_sum(&terms);
-        joint_set_covariance(&m->estimate[pass], (enum joint)j, &c);
-        m->error[pass][j] = tracker_joint_errors(t)[j];
-        m->shown[pass][j] = tracker_shows_joint(t, (enum joint)j);
+        joint_set_covariance(&frame->estimate[pass], (enum joint)j, &c);
+        frame->error[pass][j] = tracker_joint_errors(tracker)[j];
+        frame->shown[pass][j] = tracker_shows_joint(tracker, (enum joint)j);
     }
 }
 
@@ -157,18 +157,18 @@ enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t t
 }
 
 // Where this frame alone has legs that the backward pass may have wrong.
-static void add_leg_alternatives(struct smoother_frame *m, struct tracker *t)
+static void add_leg_alternatives(struct smoother_frame *frame, struct tracker *tracker)
 {
-    m->estimate[ALTERNATIVE] = m->estimate[BACKWARD];
+    frame->estimate[ALTERNATIVE] = frame->estimate[BACKWARD];
     for (int k = 0; k < LIMB_COUNT; k++) {
         struct body_pose pose;
         struct body_build build;
-        m->alternative_odds[k] = k < FIRST_LEG ? 0 : tracker_shin_alternative(t, k, &pose);
-        if (!(m->alternative_odds[k] > 0))
+        frame->alternative_odds[k] = k < FIRST_LEG ? 0 : tracker_shin_alternative(tracker, k, &pose);
+        if (!(frame->alternative_odds[k] > 0))
             continue;
-        body_forward_kinematics(tracker_shape(t), &pose, &build);
-        m->estimate[ALTERNATIVE].joint[body_limbs[k].bend] = build.joint[body_limbs[k].bend];
-        m->estimate[ALTERNATIVE].joint[body_limbs[k].tip] = build.joint[body_limbs[k].tip];
+        body_forward_kinematics(tracker_shape(tracker), &pose, &build);
+        frame->estimate[ALTERNATIVE].joint[body_limbs[k].bend] = build.joint[body_limbs[k].bend];
+        frame->estimate[ALTERNATIVE].joint[body_limbs[k].tip] = build.joint[body_limbs[k].tip];
     }
 }
 
@@ -200,63 +200,63 @@ enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t ind
 // ------------------------------------------------------------- merging
 
 // The point between the forward and the backward estimate of a joint, and its covariance.
-static struct vec3 mixed_joint(const struct smoother_frame *m, enum joint j, double backward_share,
+static struct vec3 mixed_joint(const struct smoother_frame *frame, enum joint joint, double backward_share,
                                struct covariance3 *covariance)
 {
-    const struct skeleton *forward = &m->estimate[FORWARD], *backward = &m->estimate[BACKWARD];
-    const struct covariance3 a = joint_covariance(forward, j), b = joint_covariance(backward, j);
-    *covariance = joint_merge_covariance(&a, &b, v3_sub(forward->joint[j], backward->joint[j]), backward_share);
-    return v3_mix(forward->joint[j], backward->joint[j], backward_share);
+    const struct skeleton *forward = &frame->estimate[FORWARD], *backward = &frame->estimate[BACKWARD];
+    const struct covariance3 a = joint_covariance(forward, joint), b = joint_covariance(backward, joint);
+    *covariance = joint_merge_covariance(&a, &b, v3_sub(forward->joint[joint], backward->joint[joint]), backward_share);
+    return v3_mix(forward->joint[joint], backward->joint[joint], backward_share);
 }
 
 // The passes face opposite ways and one is taken: each joint may be where the other has it.
-static void doubt_facing(struct smoother_frame *m)
+static void doubt_facing(struct smoother_frame *frame)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
-        struct vec3 off = v3_sub(m->estimate[FORWARD].joint[j], m->estimate[BACKWARD].joint[j]);
-        struct covariance3 c = joint_covariance(&m->result, (enum joint)j), spread = covariance3_outer(off);
-        spread = covariance3_scale(&spread, m->facing_doubt);
+        struct vec3 off = v3_sub(frame->estimate[FORWARD].joint[j], frame->estimate[BACKWARD].joint[j]);
+        struct covariance3 c = joint_covariance(&frame->result, (enum joint)j), spread = covariance3_outer(off);
+        spread = covariance3_scale(&spread, frame->facing_doubt);
         c = covariance3_add(&c, &spread);
-        joint_set_covariance(&m->result, (enum joint)j, &c);
+        joint_set_covariance(&frame->result, (enum joint)j, &c);
     }
 }
 
 // The midpoint of both passes where they face the same way.
-static void merge_estimates(struct smoother_frame *m)
+static void merge_estimates(struct smoother_frame *frame)
 {
-    m->result = m->estimate[m->has_backward && smoother_facing_differs(m) ? m->facing : FORWARD];
-    if (m->has_backward && smoother_facing_differs(m))
-        doubt_facing(m);
-    if (!m->has_backward || smoother_facing_differs(m))
+    frame->result = frame->estimate[frame->has_backward && smoother_facing_differs(frame) ? frame->facing : FORWARD];
+    if (frame->has_backward && smoother_facing_differs(frame))
+        doubt_facing(frame);
+    if (!frame->has_backward || smoother_facing_differs(frame))
         return;
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct covariance3 c;
-        m->result.joint[j] = mixed_joint(m, (enum joint)j, 0.5, &c);
-        joint_set_covariance(&m->result, (enum joint)j, &c);
+        frame->result.joint[j] = mixed_joint(frame, (enum joint)j, 0.5, &c);
+        joint_set_covariance(&frame->result, (enum joint)j, &c);
     }
 }
 
 // A limb's joint if `source` is right about the limb; the other pass counts too, as far as it agrees.
-static struct vec3 merged_joint(const struct smoother_frame *m, int k, enum estimate source, enum joint joint,
+static struct vec3 merged_joint(const struct smoother_frame *frame, int k, enum estimate source, enum joint joint,
                                 struct covariance3 *covariance)
 {
-    *covariance = joint_covariance(&m->estimate[ALTERNATIVE], joint);
+    *covariance = joint_covariance(&frame->estimate[ALTERNATIVE], joint);
     if (source == ALTERNATIVE)
-        return m->estimate[ALTERNATIVE].joint[joint];
-    double off = smoother_limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], k) / AGREE_M,
+        return frame->estimate[ALTERNATIVE].joint[joint];
+    double off = smoother_limb_distance(&frame->estimate[FORWARD], &frame->estimate[BACKWARD], k) / AGREE_M,
            other = 0.5 * portable_exp(-off * off);
-    return mixed_joint(m, joint, source == BACKWARD ? 1 - other : other, covariance);
+    return mixed_joint(frame, joint, source == BACKWARD ? 1 - other : other, covariance);
 }
 
 // The posterior mean of a limb's joint over all choices, and its covariance: the mean of the choices' covariances and
 // the spread of the choices about the mean.
-static void merge_joint(struct smoother_frame *m, int k, enum joint joint, const double posterior[STATES])
+static void merge_joint(struct smoother_frame *frame, int k, enum joint joint, const double posterior[STATES])
 {
     struct vec3 point[STATES], mean = {0, 0, 0};
     struct covariance3 covariance = {0};
     for (int s = 0; s < STATES; s++) {
         struct covariance3 c;
-        point[s] = merged_joint(m, k, k % 2 ? right_estimate(s) : left_estimate(s), joint, &c);
+        point[s] = merged_joint(frame, k, k % 2 ? right_estimate(s) : left_estimate(s), joint, &c);
         mean = v3_add(mean, v3_scale(point[s], posterior[s]));
         c = covariance3_scale(&c, posterior[s]);
         covariance = covariance3_add(&covariance, &c);
@@ -268,19 +268,19 @@ static void merge_joint(struct smoother_frame *m, int k, enum joint joint, const
         covariance = covariance3_add(&covariance, &spread);
         open_m2 += covariance3_trace(&spread);
     }
-    m->open_m[joint] = (float)sqrt(open_m2);
-    m->result.joint[joint] = mean;
-    joint_set_covariance(&m->result, joint, &covariance);
+    frame->open_m[joint] = (float)sqrt(open_m2);
+    frame->result.joint[joint] = mean;
+    joint_set_covariance(&frame->result, joint, &covariance);
 }
 
 // The posterior mean over all choices: of an unseen limb, the least wrong point.
-static void merge_pair(struct smoother_frame *m, int first, const double posterior[STATES])
+static void merge_pair(struct smoother_frame *frame, int first, const double posterior[STATES])
 {
-    if (!m->has_backward || smoother_facing_differs(m))
+    if (!frame->has_backward || smoother_facing_differs(frame))
         return;
     for (int k = first; k < first + 2; k++) {
-        merge_joint(m, k, body_limbs[k].bend, posterior);
-        merge_joint(m, k, body_limbs[k].tip, posterior);
+        merge_joint(frame, k, body_limbs[k].bend, posterior);
+        merge_joint(frame, k, body_limbs[k].tip, posterior);
     }
 }
 
@@ -289,13 +289,13 @@ static void merge_pair(struct smoother_frame *m, int first, const double posteri
 // Each point becomes the mean of itself and of the lines between a frame before and one after it, from the nearest on,
 // as long as they pass near it: jitter is averaged, straight motion is kept, and where the path bends the lines soon
 // miss.
-static void smooth(const struct smoother_frame *m, int64_t count, const struct vec3 *is, struct vec3 *out)
+static void smooth(const struct smoother_frame *frame, int64_t count, const struct vec3 *is, struct vec3 *out)
 {
     for (int64_t i = 0; i < count; i++) {
         double weight = 1, sum = 1;
         struct vec3 mean = is[i];
         for (int64_t k = 1; k <= i && i + k < count && weight > 1e-3; k++) {
-            int64_t before = m[i].time_ns - m[i - k].time_ns, after = m[i + k].time_ns - m[i].time_ns;
+            int64_t before = frame[i].time_ns - frame[i - k].time_ns, after = frame[i + k].time_ns - frame[i].time_ns;
             if (before > WINDOW_NS || after > WINDOW_NS)
                 break;
             struct vec3 line = v3_mix(is[i - k], is[i + k], (double)before / (double)(before + after));
@@ -309,18 +309,18 @@ static void smooth(const struct smoother_frame *m, int64_t count, const struct v
 }
 
 // Bounds a joint's speed where the estimate switches: the jump is spread over frames before and after.
-static void limit_speed(struct smoother_frame *m, int64_t count, enum joint j)
+static void limit_speed(struct smoother_frame *frame, int64_t count, enum joint joint)
 {
     bool fast = true;
     for (int round = 0; fast && round < SPEED_ITERATIONS; round++) {
         fast = false;
         for (int64_t i = 1; i < count; i++) {
-            struct vec3 *is = &m[i].result.joint[j], *was = &m[i - 1].result.joint[j];
+            struct vec3 *is = &frame[i].result.joint[joint], *was = &frame[i - 1].result.joint[joint];
             double far = v3_distance(*is, *was),
-                   most = SPEED_MAX_M_S * (double)(m[i].time_ns - m[i - 1].time_ns) * 1e-9;
-            if (far <= 1.001 * most)
+                   max = SPEED_MAX_M_S * (double)(frame[i].time_ns - frame[i - 1].time_ns) * 1e-9;
+            if (far <= 1.001 * max)
                 continue;
-            struct vec3 back = v3_scale(v3_sub(*was, *is), 0.5 * (far - most) / far);
+            struct vec3 back = v3_scale(v3_sub(*was, *is), 0.5 * (far - max) / far);
             *is = v3_add(*is, back);
             *was = v3_sub(*was, back);
             fast = true;
@@ -328,24 +328,24 @@ static void limit_speed(struct smoother_frame *m, int64_t count, enum joint j)
     }
 }
 
-static void smooth_joints(struct smoother_frame *m, int64_t count, struct vec3 *is, struct vec3 *smoothed)
+static void smooth_joints(struct smoother_frame *frame, int64_t count, struct vec3 *is, struct vec3 *smoothed)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
         for (int64_t i = 0; i < count; i++)
-            is[i] = m[i].result.joint[j];
+            is[i] = frame[i].result.joint[j];
         for (int round = 0; round < SMOOTHING_ITERATIONS; round++) {
-            smooth(m, count, is, smoothed);
+            smooth(frame, count, is, smoothed);
             memcpy(is, smoothed, (size_t)count * sizeof *is);
         }
         for (int64_t i = 0; i < count; i++)
-            m[i].result.joint[j] = is[i];
+            frame[i].result.joint[j] = is[i];
     }
 }
 
 // Means of points shorten bones: restores the person's bone lengths.
-static void restore_lengths(struct smoother_frame *m, const struct body_build *build)
+static void restore_lengths(struct smoother_frame *frame, const struct body_build *build)
 {
-    struct vec3 *joint = m->result.joint;
+    struct vec3 *joint = frame->result.joint;
     for (int k = 0; k < LIMB_COUNT; k++) {
         const enum joint chain[3] = {body_limbs[k].root, body_limbs[k].bend, body_limbs[k].tip};
         for (int i = 1; i < 3; i++) {
@@ -357,11 +357,11 @@ static void restore_lengths(struct smoother_frame *m, const struct body_build *b
 }
 
 // The end of a run of consecutive frames of one person.
-static int64_t segment_end(const struct smoother *s, int64_t first)
+static int64_t segment_end(const struct smoother *smoother, int64_t first)
 {
     int64_t end = first + 1;
-    while (end < s->count && s->frame[end].person == s->frame[first].person &&
-           s->frame[end].time_ns - s->frame[end - 1].time_ns <= GAP_NS)
+    while (end < smoother->count && smoother->frame[end].person == smoother->frame[first].person &&
+           smoother->frame[end].time_ns - smoother->frame[end - 1].time_ns <= GAP_NS)
         end++;
     return end;
 }
@@ -371,39 +371,39 @@ struct smoother_scratch {
     struct vec3 *is, *smoothed;
 };
 
-static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t count,
+static void smooth_segment(struct smoother *smoother, struct smoother_frame *frame, int64_t count,
                            const struct smoother_scratch *scratch)
 {
-    const struct body_shape *shape = &s->shape[m->person];
+    const struct body_shape *shape = &smoother->shape[frame->person];
     struct body_build build;
     for (int64_t i = 0; i < count; i++) {
-        body_forward_kinematics(shape, &m[i].pose, &build);
-        memcpy(m[i].estimate[FORWARD].joint, build.joint, sizeof build.joint);
+        body_forward_kinematics(shape, &frame[i].pose, &build);
+        memcpy(frame[i].estimate[FORWARD].joint, build.joint, sizeof build.joint);
     }
-    smoother_find_posterior(m, count, TRUNK, scratch->posterior);
+    smoother_find_posterior(frame, count, TRUNK, scratch->posterior);
     for (int64_t i = 0; i < count; i++) {
         const double *posterior = scratch->posterior[i];
         const double forward = posterior[state_of(FORWARD, FORWARD)],
                      backward = posterior[state_of(BACKWARD, BACKWARD)];
-        m[i].facing = backward > forward ? BACKWARD : FORWARD;
-        m[i].facing_doubt = fmin(forward, backward);
-        merge_estimates(&m[i]);
+        frame[i].facing = backward > forward ? BACKWARD : FORWARD;
+        frame[i].facing_doubt = fmin(forward, backward);
+        merge_estimates(&frame[i]);
     }
     for (int first = 0; first < LIMB_COUNT; first += 2) {
-        smoother_find_posterior(m, count, first, scratch->posterior);
+        smoother_find_posterior(frame, count, first, scratch->posterior);
         for (int64_t i = 0; i < count; i++)
-            merge_pair(&m[i], first, scratch->posterior[i]);
+            merge_pair(&frame[i], first, scratch->posterior[i]);
     }
-    smooth_joints(m, count, scratch->is, scratch->smoothed);
+    smooth_joints(frame, count, scratch->is, scratch->smoothed);
     for (int round = 0; round < REPAIR_ITERATIONS; round++) {
         for (int j = 0; j < JOINT_COUNT; j++)
-            limit_speed(m, count, (enum joint)j);
+            limit_speed(frame, count, (enum joint)j);
         for (int64_t i = 0; i < count; i++)
-            restore_lengths(&m[i], &build);
+            restore_lengths(&frame[i], &build);
     }
-    smoother_decide_confidence(m, count);
+    smoother_decide_confidence(frame, count);
     for (int64_t i = 0; i < count; i++) {
-        m[i].result = skeleton_transform(s->calibration.color_from_depth, &m[i].result);
+        frame[i].result = skeleton_transform(smoother->calibration.color_from_depth, &frame[i].result);
     }
 }
 
@@ -424,16 +424,16 @@ enum status smoother_solve(struct smoother *s)
     return enough ? OK : fail(ERR_MEMORY, "not enough memory to smooth a take");
 }
 
-const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index)
+const struct skeleton *smoother_skeleton(const struct smoother *smoother, int64_t index)
 {
-    assert(index >= 0 && index < s->count);
-    return s->frame[index].person >= 0 ? &s->frame[index].result : NULL;
+    assert(index >= 0 && index < smoother->count);
+    return smoother->frame[index].person >= 0 ? &smoother->frame[index].result : NULL;
 }
 
-void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT],
+void smoother_joint_features(const struct smoother *smoother, int64_t index, struct smoothed_features out[JOINT_COUNT],
                              float widening[JOINT_COUNT])
 {
-    assert(index >= 0 && index < s->count);
-    smoother_find_features(&s->frame[index], out);
-    memcpy(widening, s->frame[index].widening, sizeof s->frame[index].widening);
+    assert(index >= 0 && index < smoother->count);
+    smoother_find_features(&smoother->frame[index], out);
+    memcpy(widening, smoother->frame[index].widening, sizeof smoother->frame[index].widening);
 }

@@ -24,10 +24,10 @@ struct smoother;
 
 // Copies the calibration. ERR_MEMORY: *out is NULL.
 MUST_CHECK enum status smoother_open(struct smoother **out, const struct calibration *calibration);
-void smoother_close(struct smoother **s); // NULL is fine; sets *s = NULL
+void smoother_close(struct smoother **smoother); // NULL is fine; sets *smoother = NULL
 
 // From now on smoother_push fails with ERR_MEMORY rather than keep more than this for frames. 0, the default: no limit.
-void smoother_limit_memory(struct smoother *s, size_t bytes_max);
+void smoother_limit_memory(struct smoother *smoother, size_t bytes_max);
 
 // After each frame of the take: the online estimate, NULL where there is no person or no depth. Where what was followed
 // turns out to be a static object, the frames before are withdrawn. time_ns must rise. ERR_MEMORY: the frame is not
@@ -53,9 +53,9 @@ MUST_CHECK enum status smoother_solve(struct smoother *s);
 // covariance allows (confidence_of). The covariance is that of both estimates, widened by half their squared
 // disagreement, by the spread of the choices that the posterior leaves open (joint_covariance.h), and by the scale of
 // joint_error.h.
-const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index);
+const struct skeleton *smoother_skeleton(const struct smoother *smoother, int64_t index);
 
 // By what the frame's errors were judged (joint_error.h); of a frame with a person, after smoother_solve.
 // widening: the factors by which the covariances grew because of them.
-void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT],
+void smoother_joint_features(const struct smoother *smoother, int64_t index, struct smoothed_features out[JOINT_COUNT],
                              float widening[JOINT_COUNT]);

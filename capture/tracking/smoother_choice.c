@@ -1,7 +1,6 @@
 // Which of a frame's estimates is right: emissions and transitions of the hidden Markov model, and its posterior.
-#include "capture/tracking/smoother_internal.h"
-
 #include "base/portable_math.h"
+#include "capture/tracking/smoother_internal.h"
 
 #include <string.h>
 
@@ -20,34 +19,35 @@ double smoother_limb_distance(const struct skeleton *a, const struct skeleton *b
     if (k < LIMB_COUNT)
         return fmax(v3_distance(a->joint[body_limbs[k].bend], b->joint[body_limbs[k].bend]),
                     v3_distance(a->joint[body_limbs[k].tip], b->joint[body_limbs[k].tip]));
-    double most = 0;
+    double max = 0;
     for (int i = 0; i < LIMB_COUNT; i++)
-        most = fmax(most, v3_distance(a->joint[body_limbs[i].root], b->joint[body_limbs[i].root]));
-    return most;
+        max = fmax(max, v3_distance(a->joint[body_limbs[i].root], b->joint[body_limbs[i].root]));
+    return max;
 }
 
-bool smoother_facing_differs(const struct smoother_frame *m)
+bool smoother_facing_differs(const struct smoother_frame *frame)
 {
-    return smoother_limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], TRUNK) > FACING_DIFFERS_M;
+    return smoother_limb_distance(&frame->estimate[FORWARD], &frame->estimate[BACKWARD], TRUNK) > FACING_DIFFERS_M;
 }
 
 // Log-odds that the person walks ahead and not backwards with the facing of estimate w.
-static double walking_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, enum estimate w)
+static double walking_log_odds(const struct smoother_frame *frame, int64_t count, int64_t i, enum estimate estimate)
 {
     int64_t from = i > STEPS ? i - STEPS : 0, to = i + STEPS < count ? i + STEPS : count - 1;
-    const struct vec3 *j = m[i].estimate[w].joint;
+    const struct vec3 *j = frame[i].estimate[estimate].joint;
     struct vec3 left = v3_sub(j[JOINT_LEFT_HIP], j[JOINT_RIGHT_HIP]), up = v3_sub(j[JOINT_NECK], j[JOINT_WAIST]),
-                way = v3_sub(m[to].estimate[FORWARD].joint[JOINT_WAIST], m[from].estimate[FORWARD].joint[JOINT_WAIST]);
-    double dt_s = 1e-9 * (double)(m[to].time_ns - m[from].time_ns);
+                way = v3_sub(frame[to].estimate[FORWARD].joint[JOINT_WAIST],
+                             frame[from].estimate[FORWARD].joint[JOINT_WAIST]);
+    double dt_s = 1e-9 * (double)(frame[to].time_ns - frame[from].time_ns);
     if (!(dt_s > 0))
         return 0;
     return WALK_LOG_ODDS * fmax(-1, fmin(1, v3_dot(way, v3_unit(v3_cross(left, up))) / (dt_s * WALK_M_S)));
 }
 
 // Log-odds against each facing in frame i (emissions).
-static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, double against[STATES])
+static void find_trunk_log_odds(const struct smoother_frame *frame, int64_t count, int64_t i, double against[STATES])
 {
-    const struct smoother_frame *at = &m[i];
+    const struct smoother_frame *at = &frame[i];
     bool flipped = at->has_backward && smoother_facing_differs(at);
     for (int state = 0; state < STATES; state++)
         against[state] = IMPOSSIBLE;
@@ -59,15 +59,15 @@ static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, i
     if (!flipped)
         return;
     *ahead = fmax(-FRAME_LOG_ODDS_MAX, fmin(FRAME_LOG_ODDS_MAX, at->odds.whole_body)) -
-             walking_log_odds(m, count, i, FORWARD);
-    *back = -walking_log_odds(m, count, i, BACKWARD);
+             walking_log_odds(frame, count, i, FORWARD);
+    *back = -walking_log_odds(frame, count, i, BACKWARD);
 }
 
 // Log-odds against each choice of estimates for a pair of limbs, `first` and the next (emissions).
 static void find_pair_log_odds(const struct smoother_frame *at, int first, double against[STATES])
 {
     bool flipped = at->has_backward && smoother_facing_differs(at);
-    double least = IMPOSSIBLE;
+    double min = IMPOSSIBLE;
     for (int state = 0; state < STATES; state++) {
         enum estimate left = left_estimate(state), right = right_estimate(state);
         const double(*odds)[2] = (const double(*)[2])at->odds.pair[first / 2];
@@ -80,31 +80,31 @@ static void find_pair_log_odds(const struct smoother_frame *at, int first, doubl
             there = left == right && left == (flipped ? at->facing : FORWARD);
         if (!there)
             against[state] = IMPOSSIBLE;
-        least = fmin(least, against[state]);
+        min = fmin(min, against[state]);
     }
     for (int state = 0; state < STATES; state++)
         if (against[state] < IMPOSSIBLE)
-            against[state] = fmin(FRAME_LOG_ODDS_MAX, against[state] - least);
+            against[state] = fmin(FRAME_LOG_ODDS_MAX, against[state] - min);
 }
 
-// Log-odds against part k jumping from estimate v in the frame before `m` to estimate w in it (transitions).
-static void find_changes(const struct smoother_frame *m, int k, double change[ESTIMATES][ESTIMATES])
+// Log-odds against part k jumping from estimate v in the frame before `frame` to estimate w in it (transitions).
+static void find_changes(const struct smoother_frame *frame, int k, double change[ESTIMATES][ESTIMATES])
 {
     for (int v = 0; v < ESTIMATES; v++)
         for (int w = 0; w < ESTIMATES; w++)
-            change[v][w] =
-                fmin(smoother_limb_distance(&m->estimate[w], &m[-1].estimate[v], k) / CHANGE_M, CHANGE_LOG_ODDS_MAX);
+            change[v][w] = fmin(smoother_limb_distance(&frame->estimate[w], &frame[-1].estimate[v], k) / CHANGE_M,
+                                CHANGE_LOG_ODDS_MAX);
 }
 
 // -log of the sum of the choices' odds.
 static double soft_min(const double against[STATES])
 {
-    double least = INFINITY, sum = 0;
+    double min = INFINITY, sum = 0;
     for (int s = 0; s < STATES; s++)
-        least = fmin(least, against[s]);
+        min = fmin(min, against[s]);
     for (int s = 0; s < STATES; s++)
-        sum += portable_exp(least - against[s]);
-    return least - portable_log(sum);
+        sum += portable_exp(min - against[s]);
+    return min - portable_log(sum);
 }
 
 // Emissions of one frame, and transitions from the frame before, of a pair of limbs, `first` and the next, or of the
@@ -113,28 +113,28 @@ struct chain_step {
     double against[STATES], change[STATES][STATES];
 };
 
-static void find_step(const struct smoother_frame *m, int64_t count, int64_t i, int first, struct chain_step *out)
+static void find_step(const struct smoother_frame *frame, int64_t count, int64_t i, int first, struct chain_step *out)
 {
     double left[ESTIMATES][ESTIMATES] = {0}, right[ESTIMATES][ESTIMATES] = {0};
     if (first == TRUNK)
-        find_trunk_log_odds(m, count, i, out->against);
+        find_trunk_log_odds(frame, count, i, out->against);
     else
-        find_pair_log_odds(&m[i], first, out->against);
+        find_pair_log_odds(&frame[i], first, out->against);
     if (i)
-        find_changes(&m[i], first, left);
+        find_changes(&frame[i], first, left);
     if (i && first != TRUNK)
-        find_changes(&m[i], first + 1, right);
+        find_changes(&frame[i], first + 1, right);
     for (int r = 0; r < STATES; r++)
         for (int s = 0; s < STATES; s++)
             out->change[r][s] = left[left_estimate(r)][left_estimate(s)] + right[right_estimate(r)][right_estimate(s)];
 }
 
-void smoother_find_posterior(const struct smoother_frame *m, int64_t count, int first, double (*posterior)[STATES])
+void smoother_find_posterior(const struct smoother_frame *frame, int64_t count, int first, double (*posterior)[STATES])
 {
     struct chain_step step;
     double sum[STATES], after[STATES] = {0};
     for (int64_t i = 0; i < count; i++) { // forward variables: log-odds against each state up to here
-        find_step(m, count, i, first, &step);
+        find_step(frame, count, i, first, &step);
         for (int s = 0; s < STATES; s++) {
             for (int r = 0; i && r < STATES; r++)
                 sum[r] = posterior[i - 1][r] + step.change[r][s];
@@ -147,7 +147,7 @@ void smoother_find_posterior(const struct smoother_frame *m, int64_t count, int 
         double all = soft_min(posterior[i]);
         for (int s = 0; s < STATES; s++)
             posterior[i][s] = portable_exp(all - posterior[i][s]);
-        find_step(m, count, i, first, &step);
+        find_step(frame, count, i, first, &step);
         double then[STATES];
         memcpy(then, after, sizeof then);
         for (int r = 0; r < STATES; r++) {

@@ -1,9 +1,8 @@
 // What the smoother keeps of each frame: skeleton_smoother.c fills and smooths it, smoother_choice.c chooses between
 // estimates, smoother_confidence.c judges the result.
 #pragma once
-#include "capture/tracking/skeleton_smoother.h"
-
 #include "capture/tracking/pose_likelihood.h"
+#include "capture/tracking/skeleton_smoother.h"
 
 // The forward and the backward pass, and for a mostly occluded leg, where the silhouette has it in that frame.
 enum estimate { FORWARD, BACKWARD, ALTERNATIVE, ESTIMATES };
@@ -41,16 +40,16 @@ static inline enum estimate right_estimate(int state) { return (enum estimate)(s
 double smoother_limb_distance(const struct skeleton *a, const struct skeleton *b, int k);
 
 // The trunks of the passes are so far apart that they face opposite ways.
-bool smoother_facing_differs(const struct smoother_frame *m);
+bool smoother_facing_differs(const struct smoother_frame *frame);
 
 // The posterior probability of each choice in each of `count` frames over all sequences of choices (forward-backward
 // algorithm, Rabiner 1989, in log-odds). Legs may be exchanged in one of the passes, so that the states are pairs.
-void smoother_find_posterior(const struct smoother_frame *m, int64_t count, int first, double (*posterior)[STATES]);
+void smoother_find_posterior(const struct smoother_frame *frame, int64_t count, int first, double (*posterior)[STATES]);
 
 // ------------------------------------------------------------- smoother_confidence.c
 
 // Of one frame, after smoother_decide_confidence.
-void smoother_find_features(const struct smoother_frame *m, struct smoothed_features out[JOINT_COUNT]);
+void smoother_find_features(const struct smoother_frame *frame, struct smoothed_features out[JOINT_COUNT]);
 
 // Widens the covariances by what is known now, and decides what is seen, in `count` frames of one motion.
-void smoother_decide_confidence(struct smoother_frame *m, int64_t count);
+void smoother_decide_confidence(struct smoother_frame *frame, int64_t count);

@@ -1,9 +1,9 @@
 #include "capture/tracking/tracker.h"
-#include "base/portable_math.h"
 
-#include "capture/tracking/tracker_features.h"
-#include "capture/body/joint_posterior.h"
 #include "base/clock.h"
+#include "base/portable_math.h"
+#include "capture/body/joint_posterior.h"
+#include "capture/tracking/tracker_features.h"
 
 #include <string.h>
 
@@ -20,19 +20,19 @@ enum {
 };
 
 // The pose at constant velocity, damped.
-static struct body_pose extrapolate(const struct tracker *t, int64_t time_ns)
+static struct body_pose extrapolate(const struct tracker *tracker, int64_t time_ns)
 {
-    struct body_pose pose = t->pose;
-    double past = (double)(t->time_ns - t->previous_ns), ahead = (double)(time_ns - t->time_ns);
-    if (!t->has_velocity || past <= 0 || ahead <= 0 || ahead > EXTRAPOLATE_MAX_NS)
+    struct body_pose pose = tracker->pose;
+    double past = (double)(tracker->time_ns - tracker->previous_ns), ahead = (double)(time_ns - tracker->time_ns);
+    if (!tracker->has_velocity || past <= 0 || ahead <= 0 || ahead > EXTRAPOLATE_MAX_NS)
         return pose;
     double rate = VELOCITY_RATE * fmin(ahead / past, VELOCITY_STEPS_MAX);
-    pose.root = v3_add(t->pose.root, v3_scale(v3_sub(t->pose.root, t->previous_pose.root), rate));
+    pose.root = v3_add(tracker->pose.root, v3_scale(v3_sub(tracker->pose.root, tracker->previous_pose.root), rate));
     for (int s = 0; s < SEG_COUNT; s++) {
-        struct vec3 rotation =
-            quat_to_rotation_vector(quat_multiply(t->pose.rotation[s], quat_conjugate(t->previous_pose.rotation[s])));
+        struct vec3 rotation = quat_to_rotation_vector(
+            quat_multiply(tracker->pose.rotation[s], quat_conjugate(tracker->previous_pose.rotation[s])));
         pose.rotation[s] =
-            quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(rotation, rate)), t->pose.rotation[s]));
+            quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(rotation, rate)), tracker->pose.rotation[s]));
     }
     return pose;
 }
@@ -52,44 +52,47 @@ static int add_spheres(const struct body_build *build, struct bounding_sphere sp
 }
 
 // Where the person is expected: by the prediction and, for one frame, by the prior of the other pass.
-static int predict_spheres(struct tracker *t, const struct body_pose *expected,
+static int predict_spheres(struct tracker *tracker, const struct body_pose *expected,
                            struct bounding_sphere spheres[SPHERES_MAX])
 {
     struct body_build build;
     int count = 0;
-    if (t->following) {
-        body_forward_kinematics(&t->shape.mean, expected, &build);
+    if (tracker->following) {
+        body_forward_kinematics(&tracker->shape.mean, expected, &build);
         count = add_spheres(&build, spheres, 0);
-        if (t->has_prior) {
-            body_forward_kinematics(&t->shape.mean, &t->prior_pose, &build);
+        if (tracker->has_prior) {
+            body_forward_kinematics(&tracker->shape.mean, &tracker->prior_pose, &build);
             count = add_spheres(&build, spheres, count);
         }
     }
-    t->has_prior = false;
+    tracker->has_prior = false;
     return count;
 }
 
-bool tracker_floor(const struct tracker *t, struct vec3 *up, double *height_m)
+bool tracker_floor(const struct tracker *tracker, struct vec3 *up, double *height_m)
 {
-    return segmenter_floor(t->segmenter, up, height_m);
+    return segmenter_floor(tracker->segmenter, up, height_m);
 }
 
-void tracker_look_for_second_person(struct tracker *t) { t->second_wanted = true; }
+void tracker_look_for_second_person(struct tracker *tracker) { tracker->second_wanted = true; }
 
-bool tracker_sees_second_person(const struct tracker *t) { return t->second_seen; }
+bool tracker_sees_second_person(const struct tracker *tracker) { return tracker->second_seen; }
 
 // Before the background is updated, which relabels the segmentation's cells.
-static void look_for_second_person(struct tracker *t, const uint16_t *depth)
+static void look_for_second_person(struct tracker *tracker, const uint16_t *depth)
 {
-    if (t->second_wanted)
-        t->second_seen = segmenter_second_person(t->segmenter, depth, t->second_mask) == OK;
-    t->second_wanted = false;
+    if (tracker->second_wanted)
+        tracker->second_seen = segmenter_second_person(tracker->segmenter, depth, tracker->second_mask) == OK;
+    tracker->second_wanted = false;
 }
 
-bool tracker_shows_joint(const struct tracker *t, enum joint j) { return t->visible_probes[j] >= VISIBLE_PROBES_MIN; }
+bool tracker_shows_joint(const struct tracker *tracker, enum joint joint)
+{
+    return tracker->visible_probes[joint] >= VISIBLE_PROBES_MIN;
+}
 
 // How much the frame shows of joint j, at `p` in the depth camera, and the time since one did.
-static void look_for_joint(struct tracker *t, enum joint j, struct vec3 p, double size_m, double dt_s)
+static void look_for_joint(struct tracker *tracker, enum joint joint, struct vec3 p, double size_m, double dt_s)
 {
     static const double radius[JOINT_COUNT] = {
         // of body height: half the thickness of the body at the joint
@@ -101,110 +104,114 @@ static void look_for_joint(struct tracker *t, enum joint j, struct vec3 p, doubl
         [JOINT_RIGHT_FOOT] = 0.024,
     };
     bool outside;
-    const int visible = evidence_visible_count(t->evidence, p, radius[j] * size_m, &outside);
+    const int visible = evidence_visible_count(tracker->evidence, p, radius[joint] * size_m, &outside);
     const bool seen = visible >= VISIBLE_PROBES_MIN;
-    t->visible_probes[j] = visible;
-    struct joint_sight *sight = &t->sight[j];
+    tracker->visible_probes[joint] = visible;
+    struct joint_sight *sight = &tracker->sight[joint];
     sight->seen_ever |= visible > 0;
     sight->hidden_s = seen ? 0 : sight->hidden_s + dt_s;
     sight->out_of_image_s = outside ? sight->out_of_image_s + dt_s : 0;
 }
 
 // Joints in the colour camera, and how well each is known.
-static void fill_skeleton(struct tracker *t, const struct tracked_frame *frame, struct skeleton *out)
+static void fill_skeleton(struct tracker *tracker, const struct tracked_frame *frame, struct skeleton *out)
 {
-    const struct fit_result *fit = &t->scratch->best;
-    const struct quat color_from_depth = t->calibration.color_from_depth.rotation;
+    const struct fit_result *fit = &tracker->scratch->best;
+    const struct quat color_from_depth = tracker->calibration.color_from_depth.rotation;
     const double size_m = portable_exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct body_build build;
-    body_forward_kinematics(&fit->shape, &t->filter.pose, &build);
+    body_forward_kinematics(&fit->shape, &tracker->filter.pose, &build);
     struct covariance3 posterior[JOINT_COUNT];
     if (fit->has_information && find_joint_posteriors(&fit->build, &fit->information, posterior))
-        memcpy(t->posterior, posterior, sizeof posterior); // else as in the frame before
+        memcpy(tracker->posterior, posterior, sizeof posterior); // else as in the frame before
     for (int j = 0; j < JOINT_COUNT; j++)
-        look_for_joint(t, (enum joint)j, build.joint[j], size_m, frame->dt_s);
-    tracker_find_features(t, frame, t->features);
+        look_for_joint(tracker, (enum joint)j, build.joint[j], size_m, frame->dt_s);
+    tracker_find_features(tracker, frame, tracker->features);
     for (int j = 0; j < JOINT_COUNT; j++) {
         const struct vec3 p = build.joint[j];
-        const bool shown = tracker_shows_joint(t, (enum joint)j);
-        t->error[j] = joint_error_online((enum joint)j, shown, &t->features[j]);
-        t->terms[j] = joint_uncertainty((enum joint)j, p, &t->posterior[j], &t->sight[j]);
-        struct covariance3 c = joint_uncertainty_sum(&t->terms[j]);
-        t->terms[j].scale = joint_error_factor(&t->error[j], &c);
-        c = covariance3_scale(&c, t->terms[j].scale);
+        const bool shown = tracker_shows_joint(tracker, (enum joint)j);
+        tracker->error[j] = joint_error_online((enum joint)j, shown, &tracker->features[j]);
+        tracker->terms[j] = joint_uncertainty((enum joint)j, p, &tracker->posterior[j], &tracker->sight[j]);
+        struct covariance3 c = joint_uncertainty_sum(&tracker->terms[j]);
+        tracker->terms[j].scale = joint_error_factor(&tracker->error[j], &c);
+        c = covariance3_scale(&c, tracker->terms[j].scale);
         c = covariance3_rotate(color_from_depth, &c);
         joint_set_covariance(out, (enum joint)j, &c);
-        out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] = confidence_of(joint_sigma_m(out, (enum joint)j), t->error[j].is_seen);
+        out->joint[j] = pose_apply(tracker->calibration.color_from_depth, p);
+        out->confidence[j] = confidence_of(joint_sigma_m(out, (enum joint)j), tracker->error[j].is_seen);
     }
 }
 
 // The person's prediction for this frame, and the time since the last one.
-static void predict(struct tracker *t, struct tracked_frame *frame)
+static void predict(struct tracker *tracker, struct tracked_frame *frame)
 {
     const int64_t time_ns = frame->time_ns;
-    if (t->following && (time_ns <= t->time_ns ||
-                         (t->lost_since_ns && (double)(time_ns - t->lost_since_ns) > t->options.patience_s * 1e9))) {
-        if (time_ns > t->time_ns)
-            tracker_drop_person(t);
-        t->has_velocity = false;
+    if (tracker->following &&
+        (time_ns <= tracker->time_ns ||
+         (tracker->lost_since_ns && (double)(time_ns - tracker->lost_since_ns) > tracker->options.patience_s * 1e9))) {
+        if (time_ns > tracker->time_ns)
+            tracker_drop_person(tracker);
+        tracker->has_velocity = false;
     }
-    frame->dt_s =
-        t->following && time_ns > t->time_ns ? fmin(GAP_MAX_S, (double)(time_ns - t->time_ns) * 1e-9) : FRAME_S;
+    frame->dt_s = tracker->following && time_ns > tracker->time_ns
+                      ? fmin(GAP_MAX_S, (double)(time_ns - tracker->time_ns) * 1e-9)
+                      : FRAME_S;
     frame->task = (struct fit_task){.point_stride = 1,
-                                    .evidence = t->evidence,
-                                    .expected = t->following ? extrapolate(t, time_ns) : t->pose,
-                                    .shape = t->shape};
+                                    .evidence = tracker->evidence,
+                                    .expected = tracker->following ? extrapolate(tracker, time_ns) : tracker->pose,
+                                    .shape = tracker->shape};
 }
 
 // Segments the person near the prediction and reads the evidence.
-static enum status observe(struct tracker *t, struct tracked_frame *frame)
+static enum status observe(struct tracker *tracker, struct tracked_frame *frame)
 {
     struct bounding_sphere spheres[SPHERES_MAX];
-    int sphere_count = predict_spheres(t, &frame->task.expected, spheres);
-    enum status status = t->following ? segmenter_next(t->segmenter, frame->depth, spheres, sphere_count, t->mask)
-                                      : tracker_segment_new_person(t, frame->depth);
-    tracker_add_elapsed(t, &t->times.segment);
+    int sphere_count = predict_spheres(tracker, &frame->task.expected, spheres);
+    enum status status = tracker->following
+                             ? segmenter_next(tracker->segmenter, frame->depth, spheres, sphere_count, tracker->mask)
+                             : tracker_segment_new_person(tracker, frame->depth);
+    tracker_add_elapsed(tracker, &tracker->times.segment);
     if (status < 0)
         return status;
-    frame->task.have_floor = segmenter_floor(t->segmenter, &frame->task.up, &frame->task.floor_m);
-    frame->has_evidence = status == OK && evidence_read(t->evidence, frame->depth, t->mask, t->options.points);
+    frame->task.have_floor = segmenter_floor(tracker->segmenter, &frame->task.up, &frame->task.floor_m);
+    frame->has_evidence =
+        status == OK && evidence_read(tracker->evidence, frame->depth, tracker->mask, tracker->options.points);
     if (frame->has_evidence)
-        tracker_take_points(t, &frame->task);
-    tracker_add_elapsed(t, &t->times.evidence);
+        tracker_take_points(tracker, &frame->task);
+    tracker_add_elapsed(tracker, &tracker->times.evidence);
     return OK;
 }
 
 // No person is visible in this frame.
-static void commit_empty(struct tracker *t, const struct tracked_frame *frame)
+static void commit_empty(struct tracker *tracker, const struct tracked_frame *frame)
 {
-    if (t->following && !t->lost_since_ns)
-        t->lost_since_ns = frame->time_ns;
-    else if (!t->following && t->empty_frames++ % LEARN_EVERY == 0) // everything is background
-        segmenter_update_background(t->segmenter);
-    t->has_velocity = false;
+    if (tracker->following && !tracker->lost_since_ns)
+        tracker->lost_since_ns = frame->time_ns;
+    else if (!tracker->following && tracker->empty_frames++ % LEARN_EVERY == 0) // everything is background
+        segmenter_update_background(tracker->segmenter);
+    tracker->has_velocity = false;
 }
 
 // Takes over the frame's fit: motion, filter, background model.
-static void commit(struct tracker *t, const struct tracked_frame *frame)
+static void commit(struct tracker *tracker, const struct tracked_frame *frame)
 {
-    t->lost_since_ns = 0;
-    t->previous_pose = t->pose;
-    t->previous_ns = t->time_ns;
-    t->pose = t->scratch->best.pose;
+    tracker->lost_since_ns = 0;
+    tracker->previous_pose = tracker->pose;
+    tracker->previous_ns = tracker->time_ns;
+    tracker->pose = tracker->scratch->best.pose;
     for (int k = 0; k < LIMB_COUNT; k++) // a relocated limb has no velocity
-        if (t->limb_relocated[k])
-            limb_copy(k, &t->pose, &t->previous_pose);
-    t->has_velocity = !frame->detected && !t->flipped && frame->time_ns > t->time_ns;
-    if (frame->detected || !t->has_velocity)
-        pose_filter_start(&t->filter, &t->scratch->best.shape, &t->pose);
+        if (tracker->limb_relocated[k])
+            limb_copy(k, &tracker->pose, &tracker->previous_pose);
+    tracker->has_velocity = !frame->detected && !tracker->flipped && frame->time_ns > tracker->time_ns;
+    if (frame->detected || !tracker->has_velocity)
+        pose_filter_start(&tracker->filter, &tracker->scratch->best.shape, &tracker->pose);
     else
-        pose_filter_update(&t->filter, &t->scratch->best.shape, &t->pose, frame->dt_s);
-    t->time_ns = frame->time_ns;
-    tracker_add_elapsed(t, &t->times.fit);
-    if (frame->detected || t->frames % LEARN_EVERY == 0)
-        segmenter_update_background(t->segmenter);
-    tracker_add_elapsed(t, &t->times.segment);
+        pose_filter_update(&tracker->filter, &tracker->scratch->best.shape, &tracker->pose, frame->dt_s);
+    tracker->time_ns = frame->time_ns;
+    tracker_add_elapsed(tracker, &tracker->times.fit);
+    if (frame->detected || tracker->frames % LEARN_EVERY == 0)
+        segmenter_update_background(tracker->segmenter);
+    tracker_add_elapsed(tracker, &tracker->times.segment);
 }
 
 enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out, uint8_t *mask)

@@ -18,9 +18,9 @@
 // Frames: skeletons in the colour camera's axes, the floor in the depth camera's; metres. One handle, one thread. About
 // 4 MB and two bytes a depth pixel, all but a small list of components allocated by tracker_open.
 #pragma once
+#include "base/lens.h"
 #include "capture/tracking/joint_covariance.h"
 #include "capture/tracking/joint_error.h"
-#include "base/lens.h"
 
 struct body_points;
 
@@ -38,28 +38,28 @@ struct tracker_options tracker_default_options(void);
 // ERR_MEMORY. On error *out is NULL.
 MUST_CHECK enum status tracker_open(struct tracker **out, const struct calibration *calibration,
                                     const struct tracker_options *options);
-void tracker_close(struct tracker **t); // NULL is fine; sets *t = NULL
+void tracker_close(struct tracker **tracker); // NULL is fine; sets *tracker = NULL
 
 // The empty room's depth from where the sensor stands, one value a depth pixel, 0 = unknown; copied. NULL: unknown
 // everywhere again.
-void tracker_set_background(struct tracker *t, const uint16_t *depth);
+void tracker_set_background(struct tracker *tracker, const uint16_t *depth);
 // The floor in depth camera axes: a point p is up.p + height_m over it. Estimated from the images where not set.
-void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m);
+void tracker_set_floor(struct tracker *tracker, struct vec3 up, double height_m);
 
 // The floor as set or found, depth camera's axes. False: not found yet; *up is then straight up in the image.
-bool tracker_floor(const struct tracker *t, struct vec3 *up, double *height_m);
+bool tracker_floor(const struct tracker *tracker, struct vec3 *up, double *height_m);
 // The next tracker_next also looks whether the segmentation shows a second person in the frame, which takes about as
 // long as segmenting does; tracker_sees_second_person then tells, until it is asked to look again.
-void tracker_look_for_second_person(struct tracker *t);
-bool tracker_sees_second_person(const struct tracker *t);
+void tracker_look_for_second_person(struct tracker *tracker);
+bool tracker_sees_second_person(const struct tracker *tracker);
 
 // Forgets the person and the learned background; keeps what was set.
-void tracker_reset(struct tracker *t);
+void tracker_reset(struct tracker *tracker);
 
 // The points that were found in the next frame's colour image (body/point_evidence.h); copied, and used by the next
 // tracker_next only. Frames without points are as if there were no colour. NULL takes back what was set. The
 // calibration's colour lens must be known.
-void tracker_set_body_points(struct tracker *t, const struct body_points *points);
+void tracker_set_body_points(struct tracker *tracker, const struct body_points *points);
 
 // One frame. time_ns: rising; if it does not rise, the motion is estimated from scratch.
 // depth: of the calibration's depth lens. mask: one byte a depth pixel, 255 = the person; may be NULL.
@@ -71,15 +71,15 @@ MUST_CHECK enum status tracker_next(struct tracker *t, int64_t time_ns, const ui
 
 // What the covariances of the last skeleton consist of, depth camera's axes: JOINT_COUNT entries, valid until the next
 // tracker_next.
-const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *t);
+const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *tracker);
 
 // By what the last skeleton's errors were judged, and the judgement (joint_error.h): JOINT_COUNT entries each.
-const struct joint_features *tracker_joint_features(const struct tracker *t);
-const struct joint_error *tracker_joint_errors(const struct tracker *t);
-bool tracker_shows_joint(const struct tracker *t, enum joint j); // the last frame does
+const struct joint_features *tracker_joint_features(const struct tracker *tracker);
+const struct joint_error *tracker_joint_errors(const struct tracker *tracker);
+bool tracker_shows_joint(const struct tracker *tracker, enum joint joint); // the last frame does
 
 // Processor time that the last tracker_next took on its thread, by step, ns.
 struct tracker_times {
     int64_t segment, evidence, fit, search; // search: alternatives of limbs and facing, and initialisation
 };
-struct tracker_times tracker_last_times(const struct tracker *t);
+struct tracker_times tracker_last_times(const struct tracker *tracker);

@@ -1,11 +1,10 @@
 // Decides what a frame shows: fits the body, tries alternative poses, learns the shape, detects a person from scratch
 // and rejects static objects.
-#include "capture/tracking/tracker_internal.h"
 #include "base/portable_math.h"
-
-#include "capture/tracking/point_hypotheses.h"
 #include "capture/tracking/person_check.h"
+#include "capture/tracking/point_hypotheses.h"
 #include "capture/tracking/pose_init.h"
+#include "capture/tracking/tracker_internal.h"
 
 #include <string.h>
 
@@ -76,39 +75,39 @@ enum {
 
 // The weight of a frame for the shape: errors of frames in one pose are correlated (cloth, the model's coarseness); a
 // new pose adds information.
-static double novelty(const struct tracker *t, const struct body_pose *pose)
+static double novelty(const struct tracker *tracker, const struct body_pose *pose)
 {
     double sum = 0;
     for (int s = 0; s < SEG_COUNT; s++) {
         struct vec3 rotation =
-            quat_to_rotation_vector(quat_multiply(pose->rotation[s], quat_conjugate(t->shape_pose.rotation[s])));
+            quat_to_rotation_vector(quat_multiply(pose->rotation[s], quat_conjugate(tracker->shape_pose.rotation[s])));
         sum += v3_dot(rotation, rotation);
     }
     double angle = sqrt(sum / SEG_COUNT);
     return LEARN_RATE_MIN + LEARN_RATE_NEW_POSE * fmin(1, angle / NEW_POSE_RADIANS) * fmin(1, angle / NEW_POSE_RADIANS);
 }
 
-static void learn_shape(struct tracker *t, const struct fit_task *task, const struct fit_result *fit, double dt_s)
+static void learn_shape(struct tracker *tracker, const struct fit_task *task, const struct fit_result *fit, double dt_s)
 {
-    t->shape.mean = fit->shape;
+    tracker->shape.mean = fit->shape;
     for (int a = 0; a < SHAPE_COUNT; a++)
         for (int b = 0; b < SHAPE_COUNT; b++)
-            t->shape.information[a][b] += task->learn_rate * fit->shape_information[a][b];
-    t->learned_s += dt_s;
+            tracker->shape.information[a][b] += task->learn_rate * fit->shape_information[a][b];
+    tracker->learned_s += dt_s;
     if (task->learn_rate > MUCH_LEARNED_RATE)
-        t->shape_pose = fit->pose;
+        tracker->shape_pose = fit->pose;
 }
 
-static bool is_uncropped(const struct depth_evidence *e)
+static bool is_uncropped(const struct depth_evidence *evidence)
 {
-    return !(evidence_cropped_edges(e) & (CROP_LEFT | CROP_RIGHT | CROP_BOTTOM));
+    return !(evidence_cropped_edges(evidence) & (CROP_LEFT | CROP_RIGHT | CROP_BOTTOM));
 }
 
 // Accumulates a pose's log-odds over the trials. True: they reached `enough`, and start from 0 again.
 static bool accumulate_log_odds(double *evidence, double gain, double enough, bool pointed)
 {
-    const double most = (pointed ? POINTED_TRIAL_SHARE : TRIAL_SHARE) * enough;
-    *evidence = fmax(0, DECAY * *evidence + fmin(gain, most));
+    const double max = (pointed ? POINTED_TRIAL_SHARE : TRIAL_SHARE) * enough;
+    *evidence = fmax(0, DECAY * *evidence + fmin(gain, max));
     if (*evidence < enough)
         return false;
     *evidence = 0;
@@ -116,11 +115,11 @@ static bool accumulate_log_odds(double *evidence, double gain, double enough, bo
 }
 
 // Log-odds that the person walks ahead and not backwards.
-static double walking_log_odds(const struct tracker *t)
+static double walking_log_odds(const struct tracker *tracker)
 {
-    struct vec3 ahead = body_axis(&t->scratch->best.build, SEG_PELVIS, 2);
-    return (t->backward ? -WALKING_LOG_ODDS : WALKING_LOG_ODDS) *
-           fmax(-1, fmin(1, -v3_dot(t->filter.speed[JOINT_WAIST], ahead) / WALKING_M_S));
+    struct vec3 ahead = body_axis(&tracker->scratch->best.build, SEG_PELVIS, 2);
+    return (tracker->backward ? -WALKING_LOG_ODDS : WALKING_LOG_ODDS) *
+           fmax(-1, fmin(1, -v3_dot(tracker->filter.speed[JOINT_WAIST], ahead) / WALKING_M_S));
 }
 
 // Log-odds of the colour image's points alone for a pose against the fitted one.
@@ -138,95 +137,98 @@ struct trial {
 
 // Which of the two a frame tries. In frames with points that which they favour, else one after the other, and none in
 // the frames between them, in which the points' evidence is missing.
-static struct trial choose_trial(struct tracker *t, const struct fit_task *task)
+static struct trial choose_trial(struct tracker *tracker, const struct fit_task *task)
 {
-    const int every = t->frames < FLIP_START_FRAMES ? FLIP_EVERY / 2 : FLIP_EVERY;
+    const int every = tracker->frames < FLIP_START_FRAMES ? FLIP_EVERY / 2 : FLIP_EVERY;
     if (task->points) {
-        const struct fit_result *best = &t->scratch->best;
+        const struct fit_result *best = &tracker->scratch->best;
         const struct body_pose flipped = body_pose_flip_facing(&best->shape, &best->pose),
                                exchanged = legs_swapped_pose(best);
         const double flip = points_log_odds(task, best, &flipped), legs = points_log_odds(task, best, &exchanged);
-        t->pointed_frames++;
+        tracker->pointed_frames++;
         if (fmax(flip, legs) > POINTS_FAVOUR)
             return (struct trial){flip > legs, flip <= legs, true};
-        if (is_uncropped(t->evidence))
-            return (struct trial){t->pointed_frames % 2, t->pointed_frames % 2 == 0, false};
+        if (is_uncropped(tracker->evidence))
+            return (struct trial){tracker->pointed_frames % 2, tracker->pointed_frames % 2 == 0, false};
     }
-    if (!is_uncropped(t->evidence) || tracker_points_decide(t)) // of depth, only feet tell
+    if (!is_uncropped(tracker->evidence) || tracker_points_decide(tracker)) // of depth, only feet tell
         return (struct trial){false, false, false};
-    return (struct trial){t->frames % every == 0, t->frames % every == every / 2, false};
+    return (struct trial){tracker->frames % every == 0, tracker->frames % every == every / 2, false};
 }
 
 // Depth shows a person from the front and from behind alike, and legs that crossed. Periodically the flipped body and
 // the exchanged legs are tried: true when one of them has become likelier; it is then in scratch->trial.
-static bool is_flipped_likelier(struct tracker *t, const struct fit_task *task)
+static bool is_flipped_likelier(struct tracker *tracker, const struct fit_task *task)
 {
-    const double energy = t->scratch->best.energy;
-    const struct trial trial = choose_trial(t, task);
+    const double energy = tracker->scratch->best.energy;
+    const struct trial trial = choose_trial(tracker, task);
     if (trial.flip) {
-        t->flip_gain = flipped_log_odds(task, t->scratch) - FLIP_REFIT_SHARE * energy + walking_log_odds(t);
-        return t->flipped = accumulate_log_odds(&t->flip_log_odds, t->flip_gain, FLIP_LOG_ODDS, trial.pointed);
+        tracker->flip_gain =
+            flipped_log_odds(task, tracker->scratch) - FLIP_REFIT_SHARE * energy + walking_log_odds(tracker);
+        return tracker->flipped =
+                   accumulate_log_odds(&tracker->flip_log_odds, tracker->flip_gain, FLIP_LOG_ODDS, trial.pointed);
     }
     if (!trial.legs)
         return false;
     bool alike = task->shape.mean.hem_m > 0 || task->points; // both ways are fitted alike
-    t->leg_swap_gain = legs_swapped_log_odds(task, t->scratch) - SWAP_REFIT_SHARE * energy;
-    return accumulate_log_odds(&t->leg_swap_log_odds, t->leg_swap_gain, alike ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS,
-                               trial.pointed);
+    tracker->leg_swap_gain = legs_swapped_log_odds(task, tracker->scratch) - SWAP_REFIT_SHARE * energy;
+    return accumulate_log_odds(&tracker->leg_swap_log_odds, tracker->leg_swap_gain,
+                               alike ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS, trial.pointed);
 }
 
 // An arm fitted in front of the trunk may leave nothing unexplained although it is elsewhere: one arm a frame is tried,
 // or the limb that points dispute. What they favour is not tried in the frames between them, where they are missing.
-static void try_limb_alternative(struct tracker *t, struct fit_task *task)
+static void try_limb_alternative(struct tracker *tracker, struct fit_task *task)
 {
-    const int disputed = point_disputed_limb(task->points, &t->scratch->best.build),
-              arm = disputed >= 0 ? disputed : t->frames % 2;
-    if (!task->points && tracker_points_decide(t) && t->limb_log_odds[arm] > 0)
+    const int disputed = point_disputed_limb(task->points, &tracker->scratch->best.build),
+              arm = disputed >= 0 ? disputed : tracker->frames % 2;
+    if (!task->points && tracker_points_decide(tracker) && tracker->limb_log_odds[arm] > 0)
         return;
-    t->limb_gain[arm] = limb_alternative_log_odds(task, arm, t->scratch) - ARM_COST;
-    if (!accumulate_log_odds(&t->limb_log_odds[arm], t->limb_gain[arm], ARM_LOG_ODDS, disputed >= 0))
+    tracker->limb_gain[arm] = limb_alternative_log_odds(task, arm, tracker->scratch) - ARM_COST;
+    if (!accumulate_log_odds(&tracker->limb_log_odds[arm], tracker->limb_gain[arm], ARM_LOG_ODDS, disputed >= 0))
         return;
-    task->expected = t->scratch->best.pose;
-    limb_copy(arm, &t->scratch->trial.pose, &task->expected);
+    task->expected = tracker->scratch->best.pose;
+    limb_copy(arm, &tracker->scratch->trial.pose, &task->expected);
     task->expected_sigma = RELOCATED_SIGMA;
-    body_fit(task, &task->expected, &t->scratch->best);
+    body_fit(task, &task->expected, &tracker->scratch->best);
 }
 
 // The person turned out to wear a skirt or a coat, or none: learns the shape again from scratch.
-static void reset_clothing(struct tracker *t)
+static void reset_clothing(struct tracker *tracker)
 {
-    double scale_log = t->shape.mean.log[SHAPE_SCALE];
-    t->shape = shape_prior_default();
-    t->shape.mean.log[SHAPE_SCALE] = scale_log;
-    t->learned_s = 0;
+    double scale_log = tracker->shape.mean.log[SHAPE_SCALE];
+    tracker->shape = shape_prior_default();
+    tracker->shape.mean.log[SHAPE_SCALE] = scale_log;
+    tracker->learned_s = 0;
 }
 
 // Measures the hem and puts it into the shape.
-static void update_hem(struct tracker *t, const struct fit_task *task)
+static void update_hem(struct tracker *tracker, const struct fit_task *task)
 {
-    const struct body_build *build = &t->scratch->best.build;
-    double height = portable_exp(t->shape.mean.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    const struct body_build *build = &tracker->scratch->best.build;
+    double height = portable_exp(tracker->shape.mean.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct vec3 spine = body_axis(build, SEG_PELVIS, 1);
     struct hem hem;
     if (v3_dot(spine, task->up) < UPRIGHT_COSINE || !hem_detect(task, height, &hem))
         return;
-    hem_update(&t->hem, &hem, v3_dot(task->up, build->origin[SEG_PELVIS]) + task->floor_m);
-    if (t->hem.count < HEM_FRAMES_MIN)
+    hem_update(&tracker->hem, &hem, v3_dot(task->up, build->origin[SEG_PELVIS]) + task->floor_m);
+    if (tracker->hem.count < HEM_FRAMES_MIN)
         return;
-    bool wears = t->shape.mean.hem_m > 0, worn = hem_is_worn(t->hem.narrow, t->hem.wide_m, height, wears);
+    bool wears = tracker->shape.mean.hem_m > 0,
+         worn = hem_is_worn(tracker->hem.narrow, tracker->hem.wide_m, height, wears);
     if (worn != wears)
-        reset_clothing(t);
-    t->shape.mean.hem_m = worn ? t->hem.below_m : 0;
-    t->shape.mean.hem_radius_m = worn ? 0.5 * t->hem.wide_m : 0;
+        reset_clothing(tracker);
+    tracker->shape.mean.hem_m = worn ? tracker->hem.below_m : 0;
+    tracker->shape.mean.hem_radius_m = worn ? 0.5 * tracker->hem.wide_m : 0;
 }
 
 // The coarse and the fine fit from the predicted pose.
-static void fit_frame(struct tracker *t, struct fit_task *task, double dt_s)
+static void fit_frame(struct tracker *tracker, struct fit_task *task, double dt_s)
 {
-    struct fit_result *best = &t->scratch->best;
+    struct fit_result *best = &tracker->scratch->best;
     task->learn_shape = false;
     task->expected_sigma = fmin(EXPECTED_SIGMA_MAX, fmax(1, dt_s * 30)); // frames at 30 Hz
-    int first = t->options.iterations / 2;
+    int first = tracker->options.iterations / 2;
     task->iterations = first;
     task->kernel_m = COARSE_KERNEL_M;
     struct body_pose start = task->expected;
@@ -236,199 +238,201 @@ static void fit_frame(struct tracker *t, struct fit_task *task, double dt_s)
         start = best->pose;
         task->pose_only = false;
     }
-    task->iterations = t->options.iterations - first;
+    task->iterations = tracker->options.iterations - first;
     task->kernel_m = FINE_KERNEL_M;
-    task->learn_shape = t->learned_s < t->options.learn_s && !t->backward;
-    task->learn_rate = novelty(t, &start);
+    task->learn_shape = tracker->learned_s < tracker->options.learn_s && !tracker->backward;
+    task->learn_rate = novelty(tracker, &start);
     body_fit(task, &start, best);
-    tracker_add_elapsed(t, &t->times.fit);
+    tracker_add_elapsed(tracker, &tracker->times.fit);
 }
 
 // Tries other places of limbs, the flipped body and exchanged legs, and adopts what has become likelier.
-static void try_alternatives(struct tracker *t, struct fit_task *task)
+static void try_alternatives(struct tracker *tracker, struct fit_task *task)
 {
-    struct fit_result *best = &t->scratch->best;
+    struct fit_result *best = &tracker->scratch->best;
     struct body_build fitted = best->build;
-    if (explained_share(t->evidence, best, NEAR_M) < GOOD_SHARE && limb_search(task, t->scratch)) {
+    if (explained_share(tracker->evidence, best, NEAR_M) < GOOD_SHARE && limb_search(task, tracker->scratch)) {
         struct body_pose start = best->pose;
         task->shape.mean = best->shape;
-        body_fit(task, &start, &t->scratch->trial);
-        *best = t->scratch->trial;
+        body_fit(task, &start, &tracker->scratch->trial);
+        *best = tracker->scratch->trial;
     }
-    try_limb_alternative(t, task);
-    t->frames++;
-    t->flipped = false;
-    if (is_flipped_likelier(t, task)) {
-        task->expected = t->scratch->trial.pose;
+    try_limb_alternative(tracker, task);
+    tracker->frames++;
+    tracker->flipped = false;
+    if (is_flipped_likelier(tracker, task)) {
+        task->expected = tracker->scratch->trial.pose;
         task->expected_sigma = FLIPPED_SIGMA;
         body_fit(task, &task->expected, best);
     }
-    tracker_add_elapsed(t, &t->times.search);
+    tracker_add_elapsed(tracker, &tracker->times.search);
     for (int k = 0; k < LIMB_COUNT; k++)
-        t->limb_relocated[k] = limb_moved_m(k, &fitted, &best->build) > LIMB_JUMP_M;
+        tracker->limb_relocated[k] = limb_moved_m(k, &fitted, &best->build) > LIMB_JUMP_M;
 }
 
 // Fits the body to this frame from the predicted pose. False: the person is lost.
-static bool track_frame(struct tracker *t, struct fit_task *task, double dt_s)
+static bool track_frame(struct tracker *tracker, struct fit_task *task, double dt_s)
 {
-    struct fit_result *best = &t->scratch->best;
-    fit_frame(t, task, dt_s);
-    try_alternatives(t, task);
-    double explained = explained_share(t->evidence, best, ROUGHLY_M);
-    t->poor_frames = explained < POOR_SHARE ? t->poor_frames + 1 : 0;
-    if (explained < LOST_SHARE || t->poor_frames > POOR_FRAMES_MAX)
+    struct fit_result *best = &tracker->scratch->best;
+    fit_frame(tracker, task, dt_s);
+    try_alternatives(tracker, task);
+    double explained = explained_share(tracker->evidence, best, ROUGHLY_M);
+    tracker->poor_frames = explained < POOR_SHARE ? tracker->poor_frames + 1 : 0;
+    if (explained < LOST_SHARE || tracker->poor_frames > POOR_FRAMES_MAX)
         return false;
-    if (task->learn_shape && explained_share(t->evidence, best, NEAR_M) > GOOD_SHARE)
-        learn_shape(t, task, best, dt_s);
+    if (task->learn_shape && explained_share(tracker->evidence, best, NEAR_M) > GOOD_SHARE)
+        learn_shape(tracker, task, best, dt_s);
     else
-        t->learned_s += dt_s;
-    if (task->learn_shape && t->frames % HEM_EVERY == 0)
-        update_hem(t, task);
+        tracker->learned_s += dt_s;
+    if (task->learn_shape && tracker->frames % HEM_EVERY == 0)
+        update_hem(tracker, task);
     return true;
 }
 
 // Takes the pose and shape in scratch->best as those of a newly detected person.
-static void adopt_fit(struct tracker *t, const struct fit_task *task)
+static void adopt_fit(struct tracker *tracker, const struct fit_task *task)
 {
-    if (!t->backward) { // backward, the shape is known
-        t->shape = task->shape;
-        t->shape.mean = t->scratch->best.shape;
+    if (!tracker->backward) { // backward, the shape is known
+        tracker->shape = task->shape;
+        tracker->shape.mean = tracker->scratch->best.shape;
     }
-    t->shape_pose = t->scratch->best.pose;
-    t->learned_s = 0;
-    t->hem = (struct hem_estimate){0};
-    t->frames = 0;
-    t->flip_gain = t->leg_swap_gain = 0;
-    t->restart_rate = RESTART_RATE_MAX;
-    memset(t->limb_gain, 0, sizeof t->limb_gain);
+    tracker->shape_pose = tracker->scratch->best.pose;
+    tracker->learned_s = 0;
+    tracker->hem = (struct hem_estimate){0};
+    tracker->frames = 0;
+    tracker->flip_gain = tracker->leg_swap_gain = 0;
+    tracker->restart_rate = RESTART_RATE_MAX;
+    memset(tracker->limb_gain, 0, sizeof tracker->limb_gain);
 }
 
 // Detects a person from scratch. False: there is none.
-static bool detect_person(struct tracker *t, struct fit_task *task)
+static bool detect_person(struct tracker *tracker, struct fit_task *task)
 {
-    if (t->refused_wait > 0) {
-        t->refused_wait--;
+    if (tracker->refused_wait > 0) {
+        tracker->refused_wait--;
         return false;
     }
-    bool found = pose_init_search(task, t->scratch) && (t->backward || is_like_person(t->evidence, &t->scratch->best));
-    tracker_add_elapsed(t, &t->times.search);
+    bool found = pose_init_search(task, tracker->scratch) &&
+                 (tracker->backward || is_like_person(tracker->evidence, &tracker->scratch->best));
+    tracker_add_elapsed(tracker, &tracker->times.search);
     if (!found) {
-        t->refused_wait = REFUSED_WAIT;
-        segmenter_drop_person(t->segmenter);
+        tracker->refused_wait = REFUSED_WAIT;
+        segmenter_drop_person(tracker->segmenter);
         return false;
     }
-    t->detection_count++;
-    t->cropped = evidence_cropped_edges(t->evidence);
-    adopt_fit(t, task);
+    tracker->detection_count++;
+    tracker->cropped = evidence_cropped_edges(tracker->evidence);
+    adopt_fit(tracker, task);
     return true;
 }
 
 // The followed person's pose and shape were wrong: those in scratch->best replace them.
-static void replace_fit(struct tracker *t, const struct fit_task *task)
+static void replace_fit(struct tracker *tracker, const struct fit_task *task)
 {
-    adopt_fit(t, task);
-    t->flipped = true; // a jump, no motion
-    t->flip_log_odds = t->leg_swap_log_odds = 0;
-    memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
-    memset(t->limb_relocated, 0, sizeof t->limb_relocated);
+    adopt_fit(tracker, task);
+    tracker->flipped = true; // a jump, no motion
+    tracker->flip_log_odds = tracker->leg_swap_log_odds = 0;
+    memset(tracker->limb_log_odds, 0, sizeof tracker->limb_log_odds);
+    memset(tracker->limb_relocated, 0, sizeof tracker->limb_relocated);
 }
 
 // A wrong start, or a wrong decision since, would be followed to the end: tries other starts, one at a time, more often
 // at first and while the fit is poor.
-static void try_restart(struct tracker *t, struct fit_task *task)
+static void try_restart(struct tracker *tracker, struct fit_task *task)
 {
-    bool doubtful = t->frames < RESTART_FIRST_FRAMES || t->scratch->best.energy > DOUBTFUL_ENERGY;
-    if (!task->points && tracker_points_decide(t)) // their evidence would be missing
+    bool doubtful = tracker->frames < RESTART_FIRST_FRAMES || tracker->scratch->best.energy > DOUBTFUL_ENERGY;
+    if (!task->points && tracker_points_decide(tracker)) // their evidence would be missing
         return;
-    if (t->backward || ++t->restart_wait < (doubtful ? RESTART_EVERY_DOUBTFUL : RESTART_EVERY))
+    if (tracker->backward || ++tracker->restart_wait < (doubtful ? RESTART_EVERY_DOUBTFUL : RESTART_EVERY))
         return;
-    t->restart_wait = 0;
-    const bool replaced = pose_restart(task, &t->scratch->best.pose, t->restart_turn++, t->scratch);
-    t->restart_rate = fmin(RESTART_RATE_MAX, RESTART_FORGETS * t->restart_rate);
-    if (t->scratch->other_rate > 0)
-        t->restart_rate = fmin(t->restart_rate, t->scratch->other_rate);
+    tracker->restart_wait = 0;
+    const bool replaced = pose_restart(task, &tracker->scratch->best.pose, tracker->restart_turn++, tracker->scratch);
+    tracker->restart_rate = fmin(RESTART_RATE_MAX, RESTART_FORGETS * tracker->restart_rate);
+    if (tracker->scratch->other_rate > 0)
+        tracker->restart_rate = fmin(tracker->restart_rate, tracker->scratch->other_rate);
     if (replaced)
-        replace_fit(t, task);
-    tracker_add_elapsed(t, &t->times.search);
+        replace_fit(tracker, task);
+    tracker_add_elapsed(tracker, &tracker->times.search);
 }
 
 // Of a person cropped by the image's edge, or just entering, a leg may have been taken for the whole body, and tracking
 // would keep that. When fewer edges crop the person, detects the person again from scratch.
-static void reinitialise(struct tracker *t, struct fit_task *task)
+static void reinitialise(struct tracker *tracker, struct fit_task *task)
 {
-    unsigned before = t->cropped, now = evidence_cropped_edges(t->evidence);
-    if (t->backward || __builtin_popcount(now) >= __builtin_popcount(before))
+    unsigned before = tracker->cropped, now = evidence_cropped_edges(tracker->evidence);
+    if (tracker->backward || __builtin_popcount(now) >= __builtin_popcount(before))
         return;
-    t->cropped = now;
-    if (pose_reinit(task, &t->scratch->best.pose, before & ~now & CROP_BOTTOM, t->scratch))
-        replace_fit(t, task);
-    tracker_add_elapsed(t, &t->times.search);
+    tracker->cropped = now;
+    if (pose_reinit(task, &tracker->scratch->best.pose, before & ~now & CROP_BOTTOM, tracker->scratch))
+        replace_fit(tracker, task);
+    tracker_add_elapsed(tracker, &tracker->times.search);
 }
 
 // What has been static and does not fit a person well is furniture if there is another person who fits well. On false,
 // the evidence and scratch->best are those of the followed person again.
-static bool is_static_object(struct tracker *t, struct fit_task *task, const uint16_t *depth)
+static bool is_static_object(struct tracker *tracker, struct fit_task *task, const uint16_t *depth)
 {
-    struct fit_result *best = &t->scratch->best;
-    if (t->backward || segmenter_static_frames(t->segmenter) < STATIC_FRAMES_MIN)
+    struct fit_result *best = &tracker->scratch->best;
+    if (tracker->backward || segmenter_static_frames(tracker->segmenter) < STATIC_FRAMES_MIN)
         return false;
-    const bool fits_well = explained_share(t->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN &&
+    const bool fits_well = explained_share(tracker->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN &&
                            best->energy < FIT_ENERGY_MAX && shape_log_odds(&best->shape) < STATIC_SHAPE_MAX;
-    if (tracker_points_deny_person(t, fits_well))
+    if (tracker_points_deny_person(tracker, fits_well))
         return true;
-    if (t->frames % SECOND_PERSON_EVERY || fits_well)
+    if (tracker->frames % SECOND_PERSON_EVERY || fits_well)
         return false;
     struct body_pose pose = best->pose;
     struct body_shape shape = best->shape;
     struct fit_task other = *task;
     other.points = NULL; // they are the followed person's
-    if (segmenter_second_person(t->segmenter, depth, t->second_mask) == OK &&
-        evidence_read(t->evidence, depth, t->second_mask, t->options.points) && pose_init_search(&other, t->scratch) &&
-        explained_share(t->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN)
+    if (segmenter_second_person(tracker->segmenter, depth, tracker->second_mask) == OK &&
+        evidence_read(tracker->evidence, depth, tracker->second_mask, tracker->options.points) &&
+        pose_init_search(&other, tracker->scratch) &&
+        explained_share(tracker->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN)
         return true;
-    if (!evidence_read(t->evidence, depth, t->mask, t->options.points))
+    if (!evidence_read(tracker->evidence, depth, tracker->mask, tracker->options.points))
         return true; // cannot happen: the same mask was read before
     body_evaluate(task, &pose, &shape, best);
     return false;
 }
 
 // Drops the followed person, who is lost or a static object, and segments again. False: there is no other person.
-static bool find_other_person(struct tracker *t, struct fit_task *task, const uint16_t *depth)
+static bool find_other_person(struct tracker *tracker, struct fit_task *task, const uint16_t *depth)
 {
-    tracker_drop_person(t);
-    bool there =
-        tracker_segment_new_person(t, depth) == OK && evidence_read(t->evidence, depth, t->mask, t->options.points);
+    tracker_drop_person(tracker);
+    bool there = tracker_segment_new_person(tracker, depth) == OK &&
+                 evidence_read(tracker->evidence, depth, tracker->mask, tracker->options.points);
     if (there)
-        tracker_take_points(t, task);
-    tracker_add_elapsed(t, &t->times.segment);
+        tracker_take_points(tracker, task);
+    tracker_add_elapsed(tracker, &tracker->times.segment);
     return there;
 }
 
-bool tracker_decide(struct tracker *t, struct tracked_frame *frame)
+bool tracker_decide(struct tracker *tracker, struct tracked_frame *frame)
 {
     struct fit_task *task = &frame->task;
-    t->static_object_frames = 0;
+    tracker->static_object_frames = 0;
     if (frame->has_evidence)
-        tracker_count_unconfirmed(t);
-    bool followed = frame->has_evidence && t->following && track_frame(t, task, frame->dt_s);
-    if (followed && is_static_object(t, task, frame->depth)) {
-        t->static_object_frames = LEARN_EVERY * segmenter_static_frames(t->segmenter);
-        segmenter_absorb_static(t->segmenter);
-        t->unconfirmed_images = 0;
+        tracker_count_unconfirmed(tracker);
+    bool followed = frame->has_evidence && tracker->following && track_frame(tracker, task, frame->dt_s);
+    if (followed && is_static_object(tracker, task, frame->depth)) {
+        tracker->static_object_frames = LEARN_EVERY * segmenter_static_frames(tracker->segmenter);
+        segmenter_absorb_static(tracker->segmenter);
+        tracker->unconfirmed_images = 0;
         followed = false;
     }
-    if (frame->has_evidence && t->following && !followed)
-        frame->has_evidence = find_other_person(t, task, frame->depth);
-    frame->detected = !t->following;
+    if (frame->has_evidence && tracker->following && !followed)
+        frame->has_evidence = find_other_person(tracker, task, frame->depth);
+    frame->detected = !tracker->following;
     if (!frame->has_evidence)
         return false;
-    if (frame->detected && tracker_is_person_refused(t)) {
-        segmenter_drop_person(t->segmenter);
+    if (frame->detected && tracker_is_person_refused(tracker)) {
+        segmenter_drop_person(tracker->segmenter);
         return false;
     }
     if (frame->detected)
-        return t->following = detect_person(t, task);
-    reinitialise(t, task);
-    try_restart(t, task);
+        return tracker->following = detect_person(tracker, task);
+    reinitialise(tracker, task);
+    try_restart(tracker, task);
     return true;
 }

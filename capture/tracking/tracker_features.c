@@ -31,19 +31,19 @@ double feature_log(double x, double unit) { return portable_log(1 + fmax(0, x) /
 static double closeness(double gain, double unit) { return clamp01(1 + gain / unit); }
 
 // What all joints of a frame have in common.
-static void find_body_features(struct tracker *t, const struct tracked_frame *frame, double *out)
+static void find_body_features(struct tracker *tracker, const struct tracked_frame *frame, double *out)
 {
-    const struct fit_result *fit = &t->scratch->best;
-    const struct depth_evidence *e = t->evidence;
-    const bool started = t->frames == 0;
+    const struct fit_result *fit = &tracker->scratch->best;
+    const struct depth_evidence *e = tracker->evidence;
+    const bool started = tracker->frames == 0;
     out[FEATURE_ENERGY] = fmax(0, portable_log(fmax(1, fit->energy) / GOOD_ENERGY));
     const double rate = started ? 1 : fmin(1, frame->dt_s / ENERGY_MEAN_S);
-    t->energy_mean += rate * (out[FEATURE_ENERGY] - t->energy_mean);
-    out[FEATURE_ENERGY_MEAN] = t->energy_mean;
+    tracker->energy_mean += rate * (out[FEATURE_ENERGY] - tracker->energy_mean);
+    out[FEATURE_ENERGY_MEAN] = tracker->energy_mean;
     const double per_area = portable_log(fmax(1, fit->energy) / (GOOD_DENSITY * fmax(0.05, e->extent_m2)));
-    t->density_mean += rate * (fmax(0, per_area) - t->density_mean);
-    out[FEATURE_DENSITY] = t->density_mean;
-    out[FEATURE_RESTART] = t->backward ? 0 : clamp01(2 - t->restart_rate);
+    tracker->density_mean += rate * (fmax(0, per_area) - tracker->density_mean);
+    out[FEATURE_DENSITY] = tracker->density_mean;
+    out[FEATURE_RESTART] = tracker->backward ? 0 : clamp01(2 - tracker->restart_rate);
     out[FEATURE_SHAPE] = feature_log(shape_log_odds(&fit->shape), SHAPE_UNIT);
     out[FEATURE_POSTURE] = feature_log(body_prior_joint_limits(&fit->shape, &fit->pose, NULL, NULL), POSTURE_UNIT);
     double intrusion = 0;
@@ -51,17 +51,17 @@ static void find_body_features(struct tracker *t, const struct tracked_frame *fr
         intrusion += fit->limb_energy[s];
     out[FEATURE_INTRUSION] = feature_log(intrusion, FREE_SPACE);
     out[FEATURE_UNEXPLAINED] = fmin(1, 5 * (1 - explained_share(e, fit, NEAR_M)));
-    out[FEATURE_FLIP] = closeness(t->flip_gain, FLIP_UNIT);
+    out[FEATURE_FLIP] = closeness(tracker->flip_gain, FLIP_UNIT);
     const struct vec3 ahead = body_axis(&fit->build, SEG_PELVIS, 2), left = body_axis(&fit->build, SEG_CHEST, 0),
                       spine = body_axis(&fit->build, SEG_CHEST, 1), view = v3_unit(fit->build.joint[JOINT_TORSO]),
                       up = v3_length(frame->task.up) > 0.5 ? frame->task.up : v3(0, -1, 0);
-    const double walk = v3_dot(t->filter.speed[JOINT_WAIST], ahead) / WALKING_M_S;
-    out[FEATURE_BACKWARDS] = clamp01(t->backward ? walk : -walk);
-    out[FEATURE_START] = portable_exp(-t->frames / JUST_FRAMES);
+    const double walk = v3_dot(tracker->filter.speed[JOINT_WAIST], ahead) / WALKING_M_S;
+    out[FEATURE_BACKWARDS] = clamp01(tracker->backward ? walk : -walk);
+    out[FEATURE_START] = portable_exp(-tracker->frames / JUST_FRAMES);
     out[FEATURE_SIDEWAYS] = fabs(v3_dot(left, view));
     out[FEATURE_BENT] = clamp01(1 - v3_dot(spine, up));
-    t->since_turned_s = t->flipped || started ? 0 : t->since_turned_s + frame->dt_s;
-    out[FEATURE_TURNED] = portable_exp(-t->since_turned_s / RELOCATED_S);
+    tracker->since_turned_s = tracker->flipped || started ? 0 : tracker->since_turned_s + frame->dt_s;
+    out[FEATURE_TURNED] = portable_exp(-tracker->since_turned_s / RELOCATED_S);
     out[FEATURE_CROPPED] = fmin(2, __builtin_popcount(evidence_cropped_edges(e)));
     out[FEATURE_FAR] = fmax(0, fit->build.joint[JOINT_WAIST].z - FAR_M);
     out[FEATURE_NEAR] = fmax(0, FAR_M - fit->build.joint[JOINT_WAIST].z);
@@ -73,24 +73,24 @@ struct solid_range {
     int first, end;
 };
 
-static struct solid_range solids_of(int k, enum joint j)
+static struct solid_range solids_of(int k, enum joint joint)
 {
     const int first = body_limbs[k].first_solid;
-    return (struct solid_range){j == body_limbs[k].tip ? first + 1 : first,
-                                j == body_limbs[k].root ? first + 1 : first + LIMB_SOLIDS};
+    return (struct solid_range){joint == body_limbs[k].tip ? first + 1 : first,
+                                joint == body_limbs[k].root ? first + 1 : first + LIMB_SOLIDS};
 }
 
-static struct solid_range trunk_solids(enum joint j)
+static struct solid_range trunk_solids(enum joint joint)
 {
-    return j == JOINT_HEAD || j == JOINT_NECK ? (struct solid_range){SOLID_SKULL - 1, SOLID_SKULL + 1}
-                                              : (struct solid_range){SOLID_PELVIS, SOLID_CHEST + 1};
+    return joint == JOINT_HEAD || joint == JOINT_NECK ? (struct solid_range){SOLID_SKULL - 1, SOLID_SKULL + 1}
+                                                      : (struct solid_range){SOLID_PELVIS, SOLID_CHEST + 1};
 }
 
 // How well the points on these solids fit, and how much of their surface has any.
-static void find_points(const struct tracker *t, struct solid_range range, double *misfit, double *starved)
+static void find_points(const struct tracker *tracker, struct solid_range range, double *misfit, double *starved)
 {
-    const struct fit_result *fit = &t->scratch->best;
-    const struct depth_evidence *e = t->evidence;
+    const struct fit_result *fit = &tracker->scratch->best;
+    const struct depth_evidence *e = tracker->evidence;
     double squares = 0, area_m2 = 0;
     int count = 0;
     for (int i = 0; i < e->count; i++)
@@ -109,48 +109,49 @@ static void find_points(const struct tracker *t, struct solid_range range, doubl
     *starved = 1 - clamp01(count * e->extent_m2 / fmax(1, e->count) / area_m2);
 }
 
-static int limb_of(enum joint j) // -1: the trunk
+static int limb_of(enum joint joint) // -1: the trunk
 {
     for (int k = 0; k < LIMB_COUNT; k++)
-        if (j == body_limbs[k].root || j == body_limbs[k].bend || j == body_limbs[k].tip)
+        if (joint == body_limbs[k].root || joint == body_limbs[k].bend || joint == body_limbs[k].tip)
             return k;
     return -1;
 }
 
-static void find_limb_features(const struct tracker *t, int k, enum joint j, double *out)
+static void find_limb_features(const struct tracker *tracker, int k, enum joint j, double *out)
 {
-    const struct fit_result *fit = &t->scratch->best;
+    const struct fit_result *fit = &tracker->scratch->best;
     const struct body_limb *limb = &body_limbs[k], *other = &body_limbs[k ^ 1];
     const struct vec3 *joint = fit->build.joint;
     out[FEATURE_ALTERNATIVE] =
-        k < FIRST_LEG ? closeness(t->limb_gain[k], ARM_UNIT) : closeness(t->leg_swap_gain, FLIP_UNIT);
-    find_points(t, solids_of(k, j), &out[FEATURE_MISFIT], &out[FEATURE_STARVED]);
+        k < FIRST_LEG ? closeness(tracker->limb_gain[k], ARM_UNIT) : closeness(tracker->leg_swap_gain, FLIP_UNIT);
+    find_points(tracker, solids_of(k, j), &out[FEATURE_MISFIT], &out[FEATURE_STARVED]);
     out[FEATURE_FREE_SPACE] = feature_log(
         fit->limb_energy[limb->upper] + fit->limb_energy[limb->lower] + fit->limb_energy[limb->end], FREE_SPACE);
-    out[FEATURE_RELOCATED] = portable_exp(-t->since_relocated_s[k] / RELOCATED_S);
+    out[FEATURE_RELOCATED] = portable_exp(-tracker->since_relocated_s[k] / RELOCATED_S);
     const enum joint pair = j == limb->root ? other->root : j == limb->bend ? other->bend : other->tip;
     struct vec3 apart = v3_sub(joint[j], joint[pair]);
     apart = v3_sub(apart, v3_scale(v3_unit(joint[j]), v3_dot(apart, v3_unit(joint[j]))));
     out[FEATURE_PAIR_NEAR] = portable_exp(-v3_length(apart) / PAIR_NEAR_M);
 }
 
-void tracker_find_features(struct tracker *t, const struct tracked_frame *frame, struct joint_features out[JOINT_COUNT])
+void tracker_find_features(struct tracker *tracker, const struct tracked_frame *frame,
+                           struct joint_features out[JOINT_COUNT])
 {
     struct joint_features body = {{0}};
-    find_body_features(t, frame, body.value);
+    find_body_features(tracker, frame, body.value);
     for (int k = 0; k < LIMB_COUNT; k++)
-        t->since_relocated_s[k] = t->limb_relocated[k] ? 0 : t->since_relocated_s[k] + frame->dt_s;
+        tracker->since_relocated_s[k] = tracker->limb_relocated[k] ? 0 : tracker->since_relocated_s[k] + frame->dt_s;
     for (int j = 0; j < JOINT_COUNT; j++) {
         double *value = out[j].value;
         const int k = limb_of((enum joint)j);
         out[j] = body;
         if (k >= 0)
-            find_limb_features(t, k, (enum joint)j, value);
+            find_limb_features(tracker, k, (enum joint)j, value);
         else
-            find_points(t, trunk_solids((enum joint)j), &value[FEATURE_MISFIT], &value[FEATURE_STARVED]);
-        value[FEATURE_NOT_SHOWN] = 1 - (double)t->visible_probes[j] / EVIDENCE_PROBES;
-        value[FEATURE_HIDDEN] = fmin(HIDDEN_MAX_S, t->sight[j].hidden_s);
-        value[FEATURE_SPEED] = feature_log(v3_length(t->filter.speed[j]), SPEED_M_S);
-        value[FEATURE_FIT] = feature_log(sqrt(covariance3_trace(&t->posterior[j]) / 3), FIT_M);
+            find_points(tracker, trunk_solids((enum joint)j), &value[FEATURE_MISFIT], &value[FEATURE_STARVED]);
+        value[FEATURE_NOT_SHOWN] = 1 - (double)tracker->visible_probes[j] / EVIDENCE_PROBES;
+        value[FEATURE_HIDDEN] = fmin(HIDDEN_MAX_S, tracker->sight[j].hidden_s);
+        value[FEATURE_SPEED] = feature_log(v3_length(tracker->filter.speed[j]), SPEED_M_S);
+        value[FEATURE_FIT] = feature_log(sqrt(covariance3_trace(&tracker->posterior[j]) / 3), FIT_M);
     }
 }

@@ -6,9 +6,9 @@
 #include "capture/body/point_evidence.h"
 #include "capture/body/pose_filter.h"
 #include "capture/segmentation/segment.h"
-#include "capture/tracking/limb_hypotheses.h"
 #include "capture/tracking/joint_covariance.h"
 #include "capture/tracking/joint_error.h"
+#include "capture/tracking/limb_hypotheses.h"
 #include "capture/tracking/tracker.h"
 
 enum { LEARN_EVERY = 2 }; // frames between updates of the background model
@@ -81,27 +81,28 @@ struct tracked_frame {
 };
 
 // Adds the processor time since the last call to `step`.
-void tracker_add_elapsed(struct tracker *t, int64_t *step);
+void tracker_add_elapsed(struct tracker *tracker, int64_t *step);
 
 // Forgets the person, not the learned background.
-void tracker_drop_person(struct tracker *t);
+void tracker_drop_person(struct tracker *tracker);
 
 // ---- points of the colour image (tracker_points.c)
 // First in a frame: takes what was set for it.
-void tracker_begin_points(struct tracker *t);
+void tracker_begin_points(struct tracker *tracker);
 // Segments a person who is not followed yet: the component that the points are on, else the likeliest. As
 // segmenter_next.
 enum status tracker_segment_new_person(struct tracker *t, const uint16_t *depth);
 // After the evidence was read: the points become evidence if they are on this person.
-void tracker_take_points(struct tracker *t, struct fit_task *task);
+void tracker_take_points(struct tracker *tracker, struct fit_task *task);
 // Frames with points come in now: alternatives on which depth says little are left to those.
-bool tracker_points_decide(const struct tracker *t);
+bool tracker_points_decide(const struct tracker *tracker);
 // Once a frame that shows something.
-void tracker_count_unconfirmed(struct tracker *t);
+void tracker_count_unconfirmed(struct tracker *tracker);
 // A new person is not to be detected: colour shows none here, or will soon tell.
-bool tracker_is_person_refused(const struct tracker *t);
+bool tracker_is_person_refused(const struct tracker *tracker);
 // Colour has shown no person here for so long that what is static is furniture. fits_well: the body fits it.
-bool tracker_points_deny_person(const struct tracker *t, bool fits_well);
+bool tracker_points_deny_person(const struct tracker *tracker, bool fits_well);
 
-// Fits the body to the frame, or detects a person. True: scratch->best is the person's fit, and t->following holds.
-bool tracker_decide(struct tracker *t, struct tracked_frame *frame);
+// Fits the body to the frame, or detects a person. True: scratch->best is the person's fit, and tracker->following
+// holds.
+bool tracker_decide(struct tracker *tracker, struct tracked_frame *frame);

@@ -1,7 +1,6 @@
 // Opens, closes and resets a tracker, and accounts for its time.
-#include "capture/tracking/tracker_internal.h"
-
 #include "base/clock.h"
+#include "capture/tracking/tracker_internal.h"
 
 #include <limits.h>
 #include <stdlib.h>
@@ -46,70 +45,76 @@ enum status tracker_open(struct tracker **out, const struct calibration *calibra
     return OK;
 }
 
-void tracker_close(struct tracker **t)
+void tracker_close(struct tracker **tracker)
 {
-    if (!*t)
+    if (!*tracker)
         return;
-    if ((*t)->segmenter)
-        segmenter_close(&(*t)->segmenter);
-    if ((*t)->evidence)
-        evidence_close(&(*t)->evidence);
-    free((*t)->scratch);
-    free((*t)->mask);
-    free((*t)->second_mask);
-    free(*t);
-    *t = NULL;
+    if ((*tracker)->segmenter)
+        segmenter_close(&(*tracker)->segmenter);
+    if ((*tracker)->evidence)
+        evidence_close(&(*tracker)->evidence);
+    free((*tracker)->scratch);
+    free((*tracker)->mask);
+    free((*tracker)->second_mask);
+    free(*tracker);
+    *tracker = NULL;
 }
 
-void tracker_set_background(struct tracker *t, const uint16_t *depth) { segmenter_set_background(t->segmenter, depth); }
-
-void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m)
+void tracker_set_background(struct tracker *tracker, const uint16_t *depth)
 {
-    segmenter_set_floor(t->segmenter, up, height_m);
+    segmenter_set_background(tracker->segmenter, depth);
 }
 
-const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *t) { return t->terms; }
-
-void tracker_set_body_points(struct tracker *t, const struct body_points *points)
+void tracker_set_floor(struct tracker *tracker, struct vec3 up, double height_m)
 {
-    t->has_next_points = points && t->calibration.color.width > 0;
-    if (t->has_next_points)
-        t->next_points = *points;
+    segmenter_set_floor(tracker->segmenter, up, height_m);
 }
 
-const struct joint_features *tracker_joint_features(const struct tracker *t) { return t->features; }
+const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *tracker)
+{
+    return tracker->terms;
+}
 
-const struct joint_error *tracker_joint_errors(const struct tracker *t) { return t->error; }
+void tracker_set_body_points(struct tracker *tracker, const struct body_points *points)
+{
+    tracker->has_next_points = points && tracker->calibration.color.width > 0;
+    if (tracker->has_next_points)
+        tracker->next_points = *points;
+}
 
-struct tracker_times tracker_last_times(const struct tracker *t) { return t->times; }
+const struct joint_features *tracker_joint_features(const struct tracker *tracker) { return tracker->features; }
 
-void tracker_add_elapsed(struct tracker *t, int64_t *step)
+const struct joint_error *tracker_joint_errors(const struct tracker *tracker) { return tracker->error; }
+
+struct tracker_times tracker_last_times(const struct tracker *tracker) { return tracker->times; }
+
+void tracker_add_elapsed(struct tracker *tracker, int64_t *step)
 {
     int64_t now_ns = clock_cpu_ns();
-    *step += now_ns - t->mark_ns;
-    t->mark_ns = now_ns;
+    *step += now_ns - tracker->mark_ns;
+    tracker->mark_ns = now_ns;
 }
 
-void tracker_drop_person(struct tracker *t)
+void tracker_drop_person(struct tracker *tracker)
 {
-    t->following = t->has_velocity = false;
-    t->poor_frames = 0;
-    t->flip_log_odds = t->leg_swap_log_odds = 0;
-    memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
-    memset(t->limb_relocated, 0, sizeof t->limb_relocated);
-    memset(t->since_relocated_s, 0, sizeof t->since_relocated_s);
-    t->lost_since_ns = 0;
-    memset(t->sight, 0, sizeof t->sight);
-    segmenter_drop_person(t->segmenter);
+    tracker->following = tracker->has_velocity = false;
+    tracker->poor_frames = 0;
+    tracker->flip_log_odds = tracker->leg_swap_log_odds = 0;
+    memset(tracker->limb_log_odds, 0, sizeof tracker->limb_log_odds);
+    memset(tracker->limb_relocated, 0, sizeof tracker->limb_relocated);
+    memset(tracker->since_relocated_s, 0, sizeof tracker->since_relocated_s);
+    tracker->lost_since_ns = 0;
+    memset(tracker->sight, 0, sizeof tracker->sight);
+    segmenter_drop_person(tracker->segmenter);
 }
 
-void tracker_reset(struct tracker *t)
+void tracker_reset(struct tracker *tracker)
 {
-    tracker_drop_person(t);
-    t->backward = t->has_next_points = false;
-    t->confirmed = t->elsewhere = false;
-    t->unconfirmed_images = t->pointed_frames = 0;
-    t->frames = t->empty_frames = t->refused_wait = t->restart_wait = t->restart_turn = 0;
-    t->frames_since_image = t->frames_since_points = INT_MAX / 2;
-    segmenter_reset(t->segmenter);
+    tracker_drop_person(tracker);
+    tracker->backward = tracker->has_next_points = false;
+    tracker->confirmed = tracker->elsewhere = false;
+    tracker->unconfirmed_images = tracker->pointed_frames = 0;
+    tracker->frames = tracker->empty_frames = tracker->refused_wait = tracker->restart_wait = tracker->restart_turn = 0;
+    tracker->frames_since_image = tracker->frames_since_points = INT_MAX / 2;
+    segmenter_reset(tracker->segmenter);
 }

@@ -35,14 +35,14 @@ enum status compressor_open(struct compressor **out)
     return fail(ERR_MEMORY, "no memory for the compressor");
 }
 
-void compressor_close(struct compressor **c)
+void compressor_close(struct compressor **compressor)
 {
-    if (!*c)
+    if (!*compressor)
         return;
-    ZSTD_freeCCtx((*c)->pack);
-    ZSTD_freeDCtx((*c)->unpack);
-    free(*c);
-    *c = NULL;
+    ZSTD_freeCCtx((*compressor)->pack);
+    ZSTD_freeDCtx((*compressor)->unpack);
+    free(*compressor);
+    *compressor = NULL;
 }
 
 size_t compress_bound(size_t count) { return ZSTD_compressBound(count); }

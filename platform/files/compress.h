@@ -1,9 +1,10 @@
 // General lossless compression of memory (zstd). The same input, level and
 // library version give the same output. A handle belongs to one thread at a time.
 #pragma once
+#include "base/status.h"
+
 #include <stddef.h>
 #include <stdint.h>
-#include "base/status.h"
 
 // ---------------------------------------------------------------- checksum
 
@@ -17,7 +18,7 @@ uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
 struct compressor; // working memory, kept between calls
 
 MUST_CHECK enum status compressor_open(struct compressor **out); // ERR_MEMORY
-void compressor_close(struct compressor **c);                    // NULL is fine; sets *c = NULL
+void compressor_close(struct compressor **compressor);           // NULL is fine; sets *compressor = NULL
 
 // The largest output for `count` bytes of input.
 size_t compress_bound(size_t count);

@@ -347,12 +347,12 @@ bool database_in_transaction(const struct database *db) { return !sqlite3_get_au
 // Readers of a log that was left share a lock on it while they read (database_files.h); a writer keeps it.
 static enum status take_log(const struct database *db)
 {
-    enum { STEP_US = 10000, MOST_STEPS = 300 }; // as long as SQLite's own locks are waited for
+    enum { STEP_US = 10000, MAX_STEPS = 300 }; // as long as SQLite's own locks are waited for
     for (int i = 0; flock(db->writer_lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK; i++) {
         if (flock(db->writer_lock, LOCK_SH | LOCK_NB) && errno == EWOULDBLOCK)
             return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
         flock(db->writer_lock, LOCK_UN);
-        if (i == MOST_STEPS)
+        if (i == MAX_STEPS)
             return fail(ERR_IO, "%s is in use by another program; try again when that has ended", db->path);
         usleep(STEP_US);
     }
@@ -533,39 +533,39 @@ enum status statement_open(struct statement **out, struct database *db, const ch
     return OK;
 }
 
-void statement_close(struct statement **s)
+void statement_close(struct statement **statement)
 {
-    if (!*s)
+    if (!*statement)
         return;
-    sqlite3_finalize((*s)->handle);
-    free(*s);
-    *s = NULL;
+    sqlite3_finalize((*statement)->handle);
+    free(*statement);
+    *statement = NULL;
 }
 
 // A value that could not be bound fails the next step: a row with NULL in its place would be worse than none.
-static void note_bound(struct statement *s, int code)
+static void note_bound(struct statement *statement, int code)
 {
     assert(code != SQLITE_RANGE && code != SQLITE_MISUSE);
-    if (s->bound == SQLITE_OK)
-        s->bound = code;
+    if (statement->bound == SQLITE_OK)
+        statement->bound = code;
 }
 
-void statement_bind_number(struct statement *s, int position, int64_t value)
+void statement_bind_number(struct statement *statement, int position, int64_t value)
 {
-    note_bound(s, sqlite3_bind_int64(s->handle, position, value));
+    note_bound(statement, sqlite3_bind_int64(statement->handle, position, value));
 }
 
-void statement_bind_text(struct statement *s, int position, const char *text)
+void statement_bind_text(struct statement *statement, int position, const char *text)
 {
-    note_bound(s, sqlite3_bind_text(s->handle, position, text, -1, SQLITE_STATIC));
+    note_bound(statement, sqlite3_bind_text(statement->handle, position, text, -1, SQLITE_STATIC));
 }
 
-void statement_bind_blob(struct statement *s, int position, const void *bytes, size_t count)
+void statement_bind_blob(struct statement *statement, int position, const void *bytes, size_t count)
 {
     if (bytes)
-        note_bound(s, sqlite3_bind_blob64(s->handle, position, bytes, count, SQLITE_STATIC));
+        note_bound(statement, sqlite3_bind_blob64(statement->handle, position, bytes, count, SQLITE_STATIC));
     else
-        note_bound(s, sqlite3_bind_null(s->handle, position));
+        note_bound(statement, sqlite3_bind_null(statement->handle, position));
 }
 
 enum status statement_step(struct statement *s)
@@ -576,11 +576,11 @@ enum status statement_step(struct statement *s)
     return code == SQLITE_DONE ? NOTHING : fail_sqlite(s->db, code);
 }
 
-void statement_reset(struct statement *s)
+void statement_reset(struct statement *statement)
 {
-    sqlite3_reset(s->handle); // returns the last step's error again
-    sqlite3_clear_bindings(s->handle);
-    s->bound = SQLITE_OK;
+    sqlite3_reset(statement->handle); // returns the last step's error again
+    sqlite3_clear_bindings(statement->handle);
+    statement->bound = SQLITE_OK;
 }
 
 enum status statement_check(struct statement *s)
@@ -588,23 +588,26 @@ enum status statement_check(struct statement *s)
     return sqlite3_errcode(s->db->handle) == SQLITE_NOMEM ? fail_sqlite(s->db, SQLITE_NOMEM) : OK;
 }
 
-int64_t statement_number(struct statement *s, int column) { return sqlite3_column_int64(s->handle, column); }
-
-bool statement_is_null(struct statement *s, int column)
+int64_t statement_number(struct statement *statement, int column)
 {
-    return sqlite3_column_type(s->handle, column) == SQLITE_NULL;
+    return sqlite3_column_int64(statement->handle, column);
 }
 
-const char *statement_text(struct statement *s, int column)
+bool statement_is_null(struct statement *statement, int column)
 {
-    const unsigned char *text = sqlite3_column_text(s->handle, column);
+    return sqlite3_column_type(statement->handle, column) == SQLITE_NULL;
+}
+
+const char *statement_text(struct statement *statement, int column)
+{
+    const unsigned char *text = sqlite3_column_text(statement->handle, column);
     return text ? (const char *)text : "";
 }
 
-const uint8_t *statement_blob(struct statement *s, int column, size_t *count)
+const uint8_t *statement_blob(struct statement *statement, int column, size_t *count)
 {
-    const uint8_t *bytes = sqlite3_column_blob(s->handle, column);
-    *count = bytes ? (size_t)sqlite3_column_bytes(s->handle, column) : 0;
+    const uint8_t *bytes = sqlite3_column_blob(statement->handle, column);
+    *count = bytes ? (size_t)sqlite3_column_bytes(statement->handle, column) : 0;
     return bytes;
 }
 

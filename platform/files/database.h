@@ -103,22 +103,23 @@ MUST_CHECK enum status database_check(struct database *db);
 
 // ---- statements
 MUST_CHECK enum status statement_open(struct statement **out, struct database *db, const char *sql);
-void statement_close(struct statement **s); // NULL is fine; sets *s = NULL
+void statement_close(struct statement **statement); // NULL is fine; sets *statement = NULL
 // Positions count from 1. Text and blobs are borrowed until statement_reset.
 // Binding fails only for a caller's bug, and asserts.
-void statement_bind_number(struct statement *s, int position, int64_t value);
-void statement_bind_text(struct statement *s, int position, const char *text);
-void statement_bind_blob(struct statement *s, int position, const void *bytes, size_t count); // bytes NULL: NULL
+void statement_bind_number(struct statement *statement, int position, int64_t value);
+void statement_bind_text(struct statement *statement, int position, const char *text);
+void statement_bind_blob(struct statement *statement, int position, const void *bytes,
+                         size_t count); // bytes NULL: NULL
 // OK: a row is available. NOTHING: no more rows. Otherwise an error.
 MUST_CHECK enum status statement_step(struct statement *s);
-void statement_reset(struct statement *s); // ready for new values; all are NULL again
+void statement_reset(struct statement *statement); // ready for new values; all are NULL again
 // Columns count from 0. Borrowed until the next step or reset.
-int64_t statement_number(struct statement *s, int column);
-bool statement_is_null(struct statement *s, int column);
-const char *statement_text(struct statement *s, int column); // "" for NULL or out of memory
+int64_t statement_number(struct statement *statement, int column);
+bool statement_is_null(struct statement *statement, int column);
+const char *statement_text(struct statement *statement, int column); // "" for NULL or out of memory
 // ERR_MEMORY: a column read since the last step could not be had for lack of memory, so "" or NULL is no content.
 MUST_CHECK enum status statement_check(struct statement *s);
 // NULL for NULL and for a blob of no bytes; *count is then 0.
-const uint8_t *statement_blob(struct statement *s, int column, size_t *count);
+const uint8_t *statement_blob(struct statement *statement, int column, size_t *count);
 // Steps a statement that returns no rows to its end and resets it.
 MUST_CHECK enum status statement_run(struct statement *s);

@@ -26,7 +26,7 @@ struct opened {
 
 static struct opened *opened_of(sqlite3_file *file) { return (struct opened *)file; }
 static sqlite3_file *system_of(sqlite3_file *file) { return opened_of(file)->system; }
-static bool is_main(const struct opened *o) { return o->files->main == o; }
+static bool is_main(const struct opened *opened) { return opened->files->main == opened; }
 
 static bool read_main(void *from, void *to, size_t count, int64_t at)
 {
@@ -35,10 +35,10 @@ static bool read_main(void *from, void *to, size_t count, int64_t at)
     return file->pMethods->xRead(file, to, (int)count, at) == SQLITE_OK;
 }
 
-static int64_t size_of_main(const struct database_files *f)
+static int64_t size_of_main(const struct database_files *files)
 {
     sqlite3_int64 bytes = 0;
-    sqlite3_file *file = f->main->system;
+    sqlite3_file *file = files->main->system;
     return file->pMethods->xFileSize(file, &bytes) == SQLITE_OK ? bytes : 0;
 }
 
@@ -64,33 +64,34 @@ static int close_file(sqlite3_file *file)
     return code;
 }
 
-static void add_generation(const struct database_files *f, uint8_t *at)
+static void add_generation(const struct database_files *files, uint8_t *at)
 {
-    const uint32_t sum = database_number_at(at) + f->sides.generation;
+    const uint32_t sum = database_number_at(at) + files->sides.generation;
     for (int i = 0; i < 4; i++)
         at[i] = (uint8_t)(sum >> (24 - 8 * i));
 }
 
 // The header as SQLite must take it.
-static void pass_header_on(const struct database_files *f, uint8_t *bytes, int count, int64_t at)
+static void pass_header_on(const struct database_files *files, uint8_t *bytes, int count, int64_t at)
 {
-    if (at == 0 && count >= DATABASE_HEADER_BYTES && f->sides.without_log)
+    if (at == 0 && count >= DATABASE_HEADER_BYTES && files->sides.without_log)
         for (int i = VERSIONS_AT; i < VERSIONS_AT + 2; i++)
             bytes[i] = bytes[i] == LOG_VERSION ? JOURNAL_VERSION : bytes[i];
-    if (f->sides.live || f->sides.writes)
+    if (files->sides.live || files->sides.writes)
         return;
     if (at == 0 && count >= DATABASE_HEADER_BYTES) {
-        add_generation(f, bytes + COUNTER_AT);
-        add_generation(f, bytes + VALID_AT);
+        add_generation(files, bytes + COUNTER_AT);
+        add_generation(files, bytes + VALID_AT);
     } else if (at == COUNTER_AT && count == COUNTER_BYTES) {
-        add_generation(f, bytes);
+        add_generation(files, bytes);
     }
 }
 
 // A reader with its lock, which sees the file with what lies beside it.
-static bool reads_beside(const struct opened *o)
+static bool reads_beside(const struct opened *opened)
 {
-    return is_main(o) && !o->files->sides.writes && !o->files->sides.live && o->lock != SQLITE_LOCK_NONE;
+    return is_main(opened) && !opened->files->sides.writes && !opened->files->sides.live &&
+           opened->lock != SQLITE_LOCK_NONE;
 }
 
 static int read_file(sqlite3_file *file, void *to, int count, sqlite3_int64 at)
@@ -121,7 +122,7 @@ static int size_of_file(sqlite3_file *file, sqlite3_int64 *bytes)
     return SQLITE_OK;
 }
 
-static bool may_change(const struct opened *o) { return !is_main(o) || o->files->sides.writes; }
+static bool may_change(const struct opened *opened) { return !is_main(opened) || opened->files->sides.writes; }
 
 static int write_file(sqlite3_file *file, const void *bytes, int count, sqlite3_int64 at)
 {
@@ -197,7 +198,7 @@ static int unmap_index(sqlite3_file *file, int removes)
 }
 
 // Pages are mapped only where SQLite reads the file as it is.
-static int fetch(sqlite3_file *file, sqlite3_int64 at, int count, void **out)
+static int fetch_page(sqlite3_file *file, sqlite3_int64 at, int count, void **out)
 {
     sqlite3_file *system = system_of(file);
     *out = NULL;
@@ -224,7 +225,7 @@ static void pass_barrier(sqlite3_file *f) { system_of(f)->pMethods->xShmBarrier(
         .xCheckReservedLock = pass_xCheckReservedLock, .xFileControl = pass_xFileControl,                              \
         .xSectorSize = pass_xSectorSize, .xDeviceCharacteristics = pass_xDeviceCharacteristics,                        \
         .xShmMap = pass_xShmMap, .xShmLock = lock_index, .xShmBarrier = pass_barrier, .xShmUnmap = unmap_index,        \
-        .xFetch = fetch, .xUnfetch = pass_xUnfetch                                                                     \
+        .xFetch = fetch_page, .xUnfetch = pass_xUnfetch                                                                \
     }
 static const sqlite3_io_methods methods[] = {METHODS(1), METHODS(2), METHODS(3)};
 
@@ -232,22 +233,23 @@ static const sqlite3_io_methods methods[] = {METHODS(1), METHODS(2), METHODS(3)}
 
 static struct database_files *files_of(sqlite3_vfs *vfs) { return vfs->pAppData; }
 
-static bool is_side(const struct database_files *f, enum side_kind kind, const char *name)
+static bool is_side(const struct database_files *files, enum side_kind kind, const char *name)
 {
-    return database_sides_is(&f->sides, kind, name);
+    return database_sides_is(&files->sides, kind, name);
 }
 
 // The flags to open it with; 0: it is refused.
-static int flags_for(const struct database_files *f, const char *name, int flags)
+static int flags_for(const struct database_files *files, const char *name, int flags)
 {
     if (!name)
         return flags; // temporary
     if (flags & SQLITE_OPEN_MAIN_DB)
-        return f->main ? 0 : flags;
-    if (is_side(f, SIDE_JOURNAL, name))
-        return f->sides.writes ? flags : 0;
-    if (is_side(f, SIDE_LOG, name))
-        return f->sides.writes ? flags : (flags & ~(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE)) | SQLITE_OPEN_READONLY;
+        return files->main ? 0 : flags;
+    if (is_side(files, SIDE_JOURNAL, name))
+        return files->sides.writes ? flags : 0;
+    if (is_side(files, SIDE_LOG, name))
+        return files->sides.writes ? flags
+                                   : (flags & ~(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE)) | SQLITE_OPEN_READONLY;
     return 0;
 }
 
@@ -296,7 +298,7 @@ static int look_for_file(sqlite3_vfs *vfs, const char *name, int flags, int *out
     return f->system->xAccess(f->system, name, flags, out);
 }
 
-static int resolve(sqlite3_vfs *vfs, const char *name, int room, char *out)
+static int resolve_path(sqlite3_vfs *vfs, const char *name, int room, char *out)
 {
     sqlite3_vfs *system = files_of(vfs)->system;
     return system->xFullPathname(system, name, room, out);
@@ -344,7 +346,7 @@ enum status database_files_open(struct database_files **out, const char *path, b
                            .xOpen = open_file,
                            .xDelete = delete_file,
                            .xAccess = look_for_file,
-                           .xFullPathname = resolve,
+                           .xFullPathname = resolve_path,
                            .xRandomness = random_bytes,
                            .xSleep = wait_us,
                            .xCurrentTime = day_now,
@@ -367,11 +369,11 @@ void database_files_close(struct database_files **files)
     *files = NULL;
 }
 
-const char *database_files_layer(const struct database_files *f) { return f->layer; }
+const char *database_files_layer(const struct database_files *files) { return files->layer; }
 
 enum status database_files_trouble(const struct database_files *f)
 {
     return f->sides.trouble == OK ? OK : fail(f->sides.trouble, "%s", f->sides.sentence);
 }
 
-bool database_files_are_live(const struct database_files *f) { return f->sides.live; }
+bool database_files_are_live(const struct database_files *files) { return files->sides.live; }

@@ -26,9 +26,9 @@ struct journal {
     uint8_t *page, *other;
 };
 
-static bool read_at(const struct byte_source *s, void *to, size_t count, int64_t at)
+static bool read_at(const struct byte_source *source, void *to, size_t count, int64_t at)
 {
-    return at >= 0 && at + (int64_t)count <= s->count && s->read(s->from, to, count, at);
+    return at >= 0 && at + (int64_t)count <= source->count && source->read(source->from, to, count, at);
 }
 
 // A journal of several files ends in the name of theirs, its length, its checksum and the magic number.
@@ -39,65 +39,69 @@ static bool names_a_file(const struct byte_source *journal)
            !memcmp(end, magic, sizeof magic);
 }
 
-static bool has_checksum(const struct journal *j, const uint8_t *page, uint32_t wanted)
+static bool has_checksum(const struct journal *journal, const uint8_t *page, uint32_t wanted)
 {
-    uint32_t sum = j->nonce;
-    for (int64_t i = (int64_t)j->page_bytes - CHECKSUM_STEP; i > 0; i -= CHECKSUM_STEP)
+    uint32_t sum = journal->nonce;
+    for (int64_t i = (int64_t)journal->page_bytes - CHECKSUM_STEP; i > 0; i -= CHECKSUM_STEP)
         sum += page[i];
     return sum == wanted;
 }
 
 // BESIDE_OWN: all the records are there.
-static enum beside read_records(struct journal *j, uint32_t records, int64_t *at)
+static enum beside read_records(struct journal *journal, uint32_t records, int64_t *at)
 {
-    const int64_t record_bytes = (int64_t)j->page_bytes + 8;
+    const int64_t record_bytes = (int64_t)journal->page_bytes + 8;
     for (uint32_t i = 0; i < records; i++, *at += record_bytes) {
         uint8_t number[4], sum[4];
-        if (!read_at(j->bytes, number, sizeof number, *at) || !read_at(j->bytes, j->page, j->page_bytes, *at + 4) ||
-            !read_at(j->bytes, sum, sizeof sum, *at + 4 + j->page_bytes))
+        if (!read_at(journal->bytes, number, sizeof number, *at) ||
+            !read_at(journal->bytes, journal->page, journal->page_bytes, *at + 4) ||
+            !read_at(journal->bytes, sum, sizeof sum, *at + 4 + journal->page_bytes))
             return BESIDE_DAMAGED;
         const uint32_t page = database_number_at(number);
-        if (!page || page == PENDING_BYTE / j->page_bytes + 1 || !has_checksum(j, j->page, database_number_at(sum)))
+        if (!page || page == PENDING_BYTE / journal->page_bytes + 1 ||
+            !has_checksum(journal, journal->page, database_number_at(sum)))
             return BESIDE_DAMAGED;
-        if (page <= j->pages && !overlay_add(j->out, page, *at + 4))
+        if (page <= journal->pages && !overlay_add(journal->out, page, *at + 4))
             return BESIDE_NO_MEMORY;
     }
     return BESIDE_OWN;
 }
 
-static enum beside read_header(struct journal *j, uint8_t header[HEADER_BYTES])
+static enum beside read_header(struct journal *journal, uint8_t header[HEADER_BYTES])
 {
     uint8_t of_file[DATABASE_HEADER_BYTES];
-    if (!read_at(j->bytes, header, HEADER_BYTES, 0) || memcmp(header, magic, sizeof magic))
+    if (!read_at(journal->bytes, header, HEADER_BYTES, 0) || memcmp(header, magic, sizeof magic))
         return BESIDE_DAMAGED;
-    j->sector = database_number_at(header + SECTOR_AT);
-    j->page_bytes = database_number_at(header + PAGE_BYTES_AT);
-    j->pages = database_number_at(header + PAGES_AT);
-    if (j->sector < 32 || j->sector > 65536 || j->sector & (j->sector - 1) || j->page_bytes < 512 ||
-        j->page_bytes > DATABASE_PAGE_MOST || j->page_bytes & (j->page_bytes - 1))
+    journal->sector = database_number_at(header + SECTOR_AT);
+    journal->page_bytes = database_number_at(header + PAGE_BYTES_AT);
+    journal->pages = database_number_at(header + PAGES_AT);
+    if (journal->sector < 32 || journal->sector > 65536 || journal->sector & (journal->sector - 1) ||
+        journal->page_bytes < 512 || journal->page_bytes > DATABASE_PAGE_MAX ||
+        journal->page_bytes & (journal->page_bytes - 1))
         return BESIDE_DAMAGED;
-    if (!j->pages && !j->file->count) // of a file that was being made
+    if (!journal->pages && !journal->file->count) // of a file that was being made
         return BESIDE_OWN;
-    return read_at(j->file, of_file, sizeof of_file, 0) && page_one_page_bytes(of_file) == j->page_bytes
+    return read_at(journal->file, of_file, sizeof of_file, 0) && page_one_page_bytes(of_file) == journal->page_bytes
                ? BESIDE_OWN
                : BESIDE_FOREIGN;
 }
 
 // Each header stands in front of what was written between two syncs.
-static enum beside read_all(struct journal *j, uint8_t header[HEADER_BYTES])
+static enum beside read_all(struct journal *journal, uint8_t header[HEADER_BYTES])
 {
     enum beside beside = BESIDE_OWN;
     for (int64_t at = 0; beside == BESIDE_OWN;) {
         const uint32_t stated = database_number_at(header + RECORDS_AT);
-        const int64_t record_bytes = (int64_t)j->page_bytes + 8, room = j->bytes->count - at - j->sector;
+        const int64_t record_bytes = (int64_t)journal->page_bytes + 8,
+                      room = journal->bytes->count - at - journal->sector;
         const int64_t all = room > 0 ? room / record_bytes : 0;
-        j->nonce = database_number_at(header + NONCE_AT);
-        at += j->sector;
+        journal->nonce = database_number_at(header + NONCE_AT);
+        at += journal->sector;
         if (stated != ALL_RECORDS && stated > all)
             return BESIDE_DAMAGED;
-        beside = read_records(j, stated == ALL_RECORDS ? (uint32_t)all : stated, &at);
-        at = (at + j->sector - 1) / j->sector * j->sector;
-        if (!stated || !read_at(j->bytes, header, HEADER_BYTES, at) || memcmp(header, magic, sizeof magic))
+        beside = read_records(journal, stated == ALL_RECORDS ? (uint32_t)all : stated, &at);
+        at = (at + journal->sector - 1) / journal->sector * journal->sector;
+        if (!stated || !read_at(journal->bytes, header, HEADER_BYTES, at) || memcmp(header, magic, sizeof magic))
             break;
     }
     return beside;
@@ -113,33 +117,38 @@ static bool differs_in_header_only(const uint8_t *page, const uint8_t *other, ui
 }
 
 // Another page than the first is in the file as it is in the journal: the change had not come to it.
-static bool holds_a_page_of_the_file(struct journal *j)
+static bool holds_a_page_of_the_file(struct journal *journal)
 {
     bool found = false;
-    for (size_t i = 0; i < j->out->count && !found; i++)
-        found = j->out->pages[i].number != 1 && read_at(j->bytes, j->page, j->page_bytes, j->out->pages[i].at) &&
-                page_is_in_file(j->file, j->out->pages[i].number, j->page, j->other, j->page_bytes);
+    for (size_t i = 0; i < journal->out->count && !found; i++)
+        found = journal->out->pages[i].number != 1 &&
+                read_at(journal->bytes, journal->page, journal->page_bytes, journal->out->pages[i].at) &&
+                page_is_in_file(journal->file, journal->out->pages[i].number, journal->page, journal->other,
+                                journal->page_bytes);
     return found;
 }
 
-static enum beside prove(struct journal *j)
+static enum beside verify_journal(struct journal *journal)
 {
     struct page_one before, now;
-    const struct overlay_page *first = overlay_find(j->out, 1);
-    if (!j->out->count) // nothing was overwritten yet
-        return (int64_t)j->pages * j->page_bytes == j->file->count ? BESIDE_EMPTY : BESIDE_FOREIGN;
-    if (!first || !read_at(j->bytes, j->page, j->page_bytes, first->at) ||
-        !read_at(j->file, j->other, j->page_bytes, 0) || !page_one_read(&before, j->page, j->page_bytes) ||
-        !page_one_read(&now, j->other, j->page_bytes) || page_one_marks_differ(&before, &now))
+    const struct overlay_page *first = overlay_find(journal->out, 1);
+    if (!journal->out->count) // nothing was overwritten yet
+        return (int64_t)journal->pages * journal->page_bytes == journal->file->count ? BESIDE_EMPTY : BESIDE_FOREIGN;
+    if (!first || !read_at(journal->bytes, journal->page, journal->page_bytes, first->at) ||
+        !read_at(journal->file, journal->other, journal->page_bytes, 0) ||
+        !page_one_read(&before, journal->page, journal->page_bytes) ||
+        !page_one_read(&now, journal->other, journal->page_bytes) || page_one_marks_differ(&before, &now))
         return BESIDE_FOREIGN;
-    if (before.pages && before.pages != j->pages)
+    if (before.pages && before.pages != journal->pages)
         return BESIDE_DAMAGED;
     if (page_one_same_header(&before, &now)) // the marks agree, or a torn write has spoilt one
         return BESIDE_OWN;
     if (now.counter != before.counter + 1)
         return BESIDE_FOREIGN;
-    const bool alone = j->out->count == 1 && differs_in_header_only(j->page, j->other, j->page_bytes);
-    return page_one_marks_agree(&before, &now) || alone || holds_a_page_of_the_file(j) ? BESIDE_OWN : BESIDE_FOREIGN;
+    const bool alone =
+        journal->out->count == 1 && differs_in_header_only(journal->page, journal->other, journal->page_bytes);
+    return page_one_marks_agree(&before, &now) || alone || holds_a_page_of_the_file(journal) ? BESIDE_OWN
+                                                                                             : BESIDE_FOREIGN;
 }
 
 enum beside database_journal_read(struct page_overlay *out, const struct byte_source *journal,
@@ -163,7 +172,7 @@ enum beside database_journal_read(struct page_overlay *out, const struct byte_so
         overlay_sort(out);
         out->page_bytes = j.page_bytes;
         out->page_count = j.pages;
-        beside = prove(&j);
+        beside = verify_journal(&j);
     }
     free(j.page);
     free(j.other);

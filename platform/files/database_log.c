@@ -30,94 +30,94 @@ struct log {
     struct page_overlay *out;
 };
 
-static bool read_at(const struct byte_source *s, void *to, size_t count, int64_t at)
+static bool read_at(const struct byte_source *source, void *to, size_t count, int64_t at)
 {
-    return at >= 0 && at + (int64_t)count <= s->count && s->read(s->from, to, count, at);
+    return at >= 0 && at + (int64_t)count <= source->count && source->read(source->from, to, count, at);
 }
 
-static uint32_t word_at(const struct log *l, const uint8_t *at)
+static uint32_t word_at(const struct log *log, const uint8_t *at)
 {
-    return l->big_endian ? database_number_at(at)
-                         : (uint32_t)at[3] << 24 | (uint32_t)at[2] << 16 | (uint32_t)at[1] << 8 | at[0];
+    return log->big_endian ? database_number_at(at)
+                           : (uint32_t)at[3] << 24 | (uint32_t)at[2] << 16 | (uint32_t)at[1] << 8 | at[0];
 }
 
-static void add_up(struct log *l, const uint8_t *bytes, uint32_t count)
+static void add_up(struct log *log, const uint8_t *bytes, uint32_t count)
 {
     for (uint32_t i = 0; i + 8 <= count; i += 8) {
-        l->sum[0] += word_at(l, bytes + i) + l->sum[1];
-        l->sum[1] += word_at(l, bytes + i + 4) + l->sum[0];
+        log->sum[0] += word_at(log, bytes + i) + log->sum[1];
+        log->sum[1] += word_at(log, bytes + i + 4) + log->sum[0];
     }
 }
 
-static bool has_sum(const struct log *l, const uint8_t *at)
+static bool has_sum(const struct log *log, const uint8_t *at)
 {
-    return database_number_at(at) == l->sum[0] && database_number_at(at + 4) == l->sum[1];
+    return database_number_at(at) == log->sum[0] && database_number_at(at + 4) == log->sum[1];
 }
 
-static int64_t frame_at(const struct log *l, int64_t frame)
+static int64_t frame_at(const struct log *log, int64_t frame)
 {
-    return HEADER_BYTES + frame * (FRAME_BYTES + (int64_t)l->page_bytes);
+    return HEADER_BYTES + frame * (FRAME_BYTES + (int64_t)log->page_bytes);
 }
 
-static enum beside read_header(struct log *l)
+static enum beside read_header(struct log *log)
 {
     uint8_t header[HEADER_BYTES], nothing[HEADER_BYTES] = {0}, of_file[DATABASE_HEADER_BYTES];
-    if (!l->bytes->count)
+    if (!log->bytes->count)
         return BESIDE_EMPTY;
-    if (!read_at(l->bytes, header, sizeof header, 0))
+    if (!read_at(log->bytes, header, sizeof header, 0))
         return BESIDE_DAMAGED;
     if (!memcmp(header, nothing, sizeof header)) // the power failed before it was on the disk
         return BESIDE_EMPTY;
-    l->big_endian = header[3] & 1;
-    l->page_bytes = database_number_at(header + PAGE_BYTES_AT);
-    memcpy(l->salts, header + SALTS_AT, SALTS_BYTES);
-    add_up(l, header, SUM_AT);
+    log->big_endian = header[3] & 1;
+    log->page_bytes = database_number_at(header + PAGE_BYTES_AT);
+    memcpy(log->salts, header + SALTS_AT, SALTS_BYTES);
+    add_up(log, header, SUM_AT);
     if ((database_number_at(header) & 0xfffffffe) != MAGIC || database_number_at(header + FORMAT_AT) != FORMAT ||
-        !has_sum(l, header + SUM_AT) || l->page_bytes < 512 || l->page_bytes > DATABASE_PAGE_MOST ||
-        l->page_bytes & (l->page_bytes - 1))
+        !has_sum(log, header + SUM_AT) || log->page_bytes < 512 || log->page_bytes > DATABASE_PAGE_MAX ||
+        log->page_bytes & (log->page_bytes - 1))
         return BESIDE_DAMAGED;
-    if (!read_at(l->file, of_file, sizeof of_file, 0) || page_one_page_bytes(of_file) != l->page_bytes)
+    if (!read_at(log->file, of_file, sizeof of_file, 0) || page_one_page_bytes(of_file) != log->page_bytes)
         return BESIDE_FOREIGN;
-    l->frames = (l->bytes->count - HEADER_BYTES) / (FRAME_BYTES + (int64_t)l->page_bytes);
+    log->frames = (log->bytes->count - HEADER_BYTES) / (FRAME_BYTES + (int64_t)log->page_bytes);
     return BESIDE_OWN;
 }
 
 // The pages up to the last commit, in their order.
-static enum beside read_frames(struct log *l)
+static enum beside read_frames(struct log *log)
 {
     uint8_t head[FRAME_BYTES];
     size_t committed = 0;
-    for (; l->valid < l->frames; l->valid++) {
-        const int64_t at = frame_at(l, l->valid);
-        if (!read_at(l->bytes, head, sizeof head, at) || memcmp(head + FRAME_SALTS_AT, l->salts, SALTS_BYTES) ||
-            !database_number_at(head) || !read_at(l->bytes, l->page, l->page_bytes, at + FRAME_BYTES))
+    for (; log->valid < log->frames; log->valid++) {
+        const int64_t at = frame_at(log, log->valid);
+        if (!read_at(log->bytes, head, sizeof head, at) || memcmp(head + FRAME_SALTS_AT, log->salts, SALTS_BYTES) ||
+            !database_number_at(head) || !read_at(log->bytes, log->page, log->page_bytes, at + FRAME_BYTES))
             break; // of an earlier use of the log, or never finished
-        add_up(l, head, FRAME_SUMMED_BYTES);
-        add_up(l, l->page, l->page_bytes);
-        if (!has_sum(l, head + FRAME_SUM_AT))
+        add_up(log, head, FRAME_SUMMED_BYTES);
+        add_up(log, log->page, log->page_bytes);
+        if (!has_sum(log, head + FRAME_SUM_AT))
             break;
-        if (!overlay_add(l->out, database_number_at(head), at + FRAME_BYTES))
+        if (!overlay_add(log->out, database_number_at(head), at + FRAME_BYTES))
             return BESIDE_NO_MEMORY;
         if (database_number_at(head + FRAME_COMMIT_AT)) {
-            l->out->page_count = database_number_at(head + FRAME_COMMIT_AT);
-            committed = l->out->count;
+            log->out->page_count = database_number_at(head + FRAME_COMMIT_AT);
+            committed = log->out->count;
         }
     }
-    l->out->count = committed;
-    l->out->page_bytes = l->page_bytes;
+    log->out->count = committed;
+    log->out->page_bytes = log->page_bytes;
     return committed ? BESIDE_OWN : BESIDE_EMPTY;
 }
 
 // Whether the file has all that was committed, of each page the last; but for what closing changes in the header.
-static bool is_in_file(struct log *l)
+static bool is_in_file(struct log *log)
 {
     bool same = true;
-    for (size_t i = 0; i < l->out->count && same; i++) {
-        const struct overlay_page *p = &l->out->pages[i];
+    for (size_t i = 0; i < log->out->count && same; i++) {
+        const struct overlay_page *p = &log->out->pages[i];
         const size_t first = p->number == 1 ? DATABASE_HEADER_BYTES : 0;
-        same = read_at(l->bytes, l->page, l->page_bytes, p->at) &&
-               read_at(l->file, l->other, l->page_bytes, (int64_t)(p->number - 1) * l->page_bytes) &&
-               !memcmp(l->page + first, l->other + first, l->page_bytes - first);
+        same = read_at(log->bytes, log->page, log->page_bytes, p->at) &&
+               read_at(log->file, log->other, log->page_bytes, (int64_t)(p->number - 1) * log->page_bytes) &&
+               !memcmp(log->page + first, log->other + first, log->page_bytes - first);
     }
     return same;
 }
@@ -130,70 +130,70 @@ struct first_pages {
     uint32_t first_counter;
 };
 
-static void note_page_one(struct log *l, struct first_pages *f, int64_t at, bool valid)
+static void note_page_one(struct log *log, struct first_pages *pages, int64_t at, bool valid)
 {
     struct page_one one;
-    if (!read_at(l->bytes, l->page, l->page_bytes, at) || !page_one_read(&one, l->page, l->page_bytes))
+    if (!read_at(log->bytes, log->page, log->page_bytes, at) || !page_one_read(&one, log->page, log->page_bytes))
         return;
-    f->contradicts |= page_one_marks_differ(&one, &f->now);
-    f->agrees |= page_one_marks_agree(&one, &f->now);
-    f->same |= page_one_same_header(&one, &f->now);
-    if (valid && !f->any)
-        f->first_counter = one.counter;
-    f->any |= valid;
+    pages->contradicts |= page_one_marks_differ(&one, &pages->now);
+    pages->agrees |= page_one_marks_agree(&one, &pages->now);
+    pages->same |= page_one_same_header(&one, &pages->now);
+    if (valid && !pages->any)
+        pages->first_counter = one.counter;
+    pages->any |= valid;
 }
 
 // Any page of the log, also of its earlier uses, is in the file.
-static bool holds_a_page_of_the_file(struct log *l)
+static bool holds_a_page_of_the_file(struct log *log)
 {
     uint8_t number[4];
     bool found = false;
-    for (int64_t k = 0; k < l->frames && !found; k++)
-        found = read_at(l->bytes, number, sizeof number, frame_at(l, k)) && database_number_at(number) &&
-                read_at(l->bytes, l->page, l->page_bytes, frame_at(l, k) + FRAME_BYTES) &&
-                page_is_in_file(l->file, database_number_at(number), l->page, l->other, l->page_bytes);
+    for (int64_t k = 0; k < log->frames && !found; k++)
+        found = read_at(log->bytes, number, sizeof number, frame_at(log, k)) && database_number_at(number) &&
+                read_at(log->bytes, log->page, log->page_bytes, frame_at(log, k) + FRAME_BYTES) &&
+                page_is_in_file(log->file, database_number_at(number), log->page, log->other, log->page_bytes);
     return found;
 }
 
 // Before the pages are sorted.
-static enum beside prove(struct log *l)
+static enum beside verify_log(struct log *log)
 {
     struct first_pages f = {0};
     uint8_t number[4];
-    if (!read_at(l->file, l->page, l->page_bytes, 0) || !page_one_read(&f.now, l->page, l->page_bytes))
+    if (!read_at(log->file, log->page, log->page_bytes, 0) || !page_one_read(&f.now, log->page, log->page_bytes))
         return BESIDE_FOREIGN;
-    for (size_t i = 0; i < l->out->count; i++)
-        if (l->out->pages[i].number == 1)
-            note_page_one(l, &f, l->out->pages[i].at, true);
+    for (size_t i = 0; i < log->out->count; i++)
+        if (log->out->pages[i].number == 1)
+            note_page_one(log, &f, log->out->pages[i].at, true);
     // Other programs' small commits, and older versions' of this one, do not write page 1. Behind them stand pages of
     // an earlier use of the log, which were all moved into the file.
-    for (int64_t k = l->valid; k < l->frames && !f.any && !f.same; k++)
-        if (read_at(l->bytes, number, sizeof number, frame_at(l, k)) && database_number_at(number) == 1)
-            note_page_one(l, &f, frame_at(l, k) + FRAME_BYTES, false);
+    for (int64_t k = log->valid; k < log->frames && !f.any && !f.same; k++)
+        if (read_at(log->bytes, number, sizeof number, frame_at(log, k)) && database_number_at(number) == 1)
+            note_page_one(log, &f, frame_at(log, k) + FRAME_BYTES, false);
     if (f.contradicts)
         return BESIDE_FOREIGN;
     if (f.same)
         return BESIDE_OWN;
     const bool follows = f.any && (f.first_counter == f.now.counter + 1 ||
-                                   (f.first_counter == f.now.counter && l->out->page_count >= f.now.pages));
+                                   (f.first_counter == f.now.counter && log->out->page_count >= f.now.pages));
     const bool marked = *f.now.mark != 0, older = !marked && !f.any;
-    return (follows && (f.agrees || !marked)) || (older && holds_a_page_of_the_file(l)) ? BESIDE_OWN : BESIDE_FOREIGN;
+    return (follows && (f.agrees || !marked)) || (older && holds_a_page_of_the_file(log)) ? BESIDE_OWN : BESIDE_FOREIGN;
 }
 
-static enum beside read_pages(struct log *l)
+static enum beside read_pages(struct log *log)
 {
     uint8_t versions[2];
-    enum beside beside = read_frames(l);
+    enum beside beside = read_frames(log);
     if (beside != BESIDE_OWN)
         return beside;
-    if (!read_at(l->file, versions, sizeof versions, VERSIONS_AT))
+    if (!read_at(log->file, versions, sizeof versions, VERSIONS_AT))
         return BESIDE_FOREIGN;
     const bool has_log = versions[0] == 2;
     if (has_log)
-        beside = prove(l);
-    overlay_sort(l->out);
+        beside = verify_log(log);
+    overlay_sort(log->out);
     if (!has_log)
-        beside = is_in_file(l) ? BESIDE_EMPTY : BESIDE_FOREIGN;
+        beside = is_in_file(log) ? BESIDE_EMPTY : BESIDE_FOREIGN;
     return beside;
 }
 

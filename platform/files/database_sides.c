@@ -29,17 +29,17 @@ uint32_t database_number_at(const uint8_t *at)
     return (uint32_t)at[0] << 24 | (uint32_t)at[1] << 16 | (uint32_t)at[2] << 8 | at[3];
 }
 
-bool overlay_add(struct page_overlay *o, uint32_t number, int64_t at)
+bool overlay_add(struct page_overlay *overlay, uint32_t number, int64_t at)
 {
-    if (o->count == o->room) {
-        const size_t room = o->room ? o->room * 2 : 64;
-        struct overlay_page *grown = realloc(o->pages, room * sizeof *grown);
+    if (overlay->count == overlay->room) {
+        const size_t room = overlay->room ? overlay->room * 2 : 64;
+        struct overlay_page *grown = realloc(overlay->pages, room * sizeof *grown);
         if (!grown)
             return false;
-        o->pages = grown;
-        o->room = room;
+        overlay->pages = grown;
+        overlay->room = room;
     }
-    o->pages[o->count++] = (struct overlay_page){number, at};
+    overlay->pages[overlay->count++] = (struct overlay_page){number, at};
     return true;
 }
 
@@ -51,26 +51,26 @@ static int by_number_and_place(const void *a, const void *b)
     return one->at < other->at ? -1 : one->at > other->at;
 }
 
-void overlay_sort(struct page_overlay *o)
+void overlay_sort(struct page_overlay *overlay)
 {
     size_t kept = 0;
-    if (o->count)
-        qsort(o->pages, o->count, sizeof *o->pages, by_number_and_place);
-    for (size_t i = 0; i < o->count; i++) {
-        kept -= kept && o->pages[kept - 1].number == o->pages[i].number;
-        o->pages[kept++] = o->pages[i];
+    if (overlay->count)
+        qsort(overlay->pages, overlay->count, sizeof *overlay->pages, by_number_and_place);
+    for (size_t i = 0; i < overlay->count; i++) {
+        kept -= kept && overlay->pages[kept - 1].number == overlay->pages[i].number;
+        overlay->pages[kept++] = overlay->pages[i];
     }
-    o->count = kept;
+    overlay->count = kept;
 }
 
-const struct overlay_page *overlay_find(const struct page_overlay *o, uint32_t number)
+const struct overlay_page *overlay_find(const struct page_overlay *overlay, uint32_t number)
 {
-    size_t first = 0, end = o->count;
+    size_t first = 0, end = overlay->count;
     while (first < end) {
         const size_t middle = first + (end - first) / 2;
-        if (o->pages[middle].number == number)
-            return &o->pages[middle];
-        if (o->pages[middle].number < number)
+        if (overlay->pages[middle].number == number)
+            return &overlay->pages[middle];
+        if (overlay->pages[middle].number < number)
             first = middle + 1;
         else
             end = middle;
@@ -78,16 +78,16 @@ const struct overlay_page *overlay_find(const struct page_overlay *o, uint32_t n
     return NULL;
 }
 
-static void overlay_free(struct page_overlay *o)
+static void overlay_free(struct page_overlay *overlay)
 {
-    free(o->pages);
-    *o = (struct page_overlay){0};
+    free(overlay->pages);
+    *overlay = (struct page_overlay){0};
 }
 
 uint32_t page_one_page_bytes(const uint8_t header[DATABASE_HEADER_BYTES])
 {
     const uint32_t bytes = (uint32_t)header[PAGE_BYTES_AT] << 8 | header[PAGE_BYTES_AT + 1];
-    const uint32_t page = bytes == 1 ? DATABASE_PAGE_MOST : bytes;
+    const uint32_t page = bytes == 1 ? DATABASE_PAGE_MAX : bytes;
     return page >= 512 && !(page & (page - 1)) ? page : 0;
 }
 
@@ -151,14 +151,14 @@ bool page_is_in_file(const struct byte_source *file, uint32_t number, const uint
 
 // ---------------------------------------------------------------- database sides
 
-void database_sides_init(struct database_sides *s, const char *path, bool writes)
+void database_sides_init(struct database_sides *sides, const char *path, bool writes)
 {
-    *s = (struct database_sides){.path = path, .writes = writes, .claim = -1};
+    *sides = (struct database_sides){.path = path, .writes = writes, .claim = -1};
     for (int i = 0; i < SIDE_COUNT; i++)
-        s->side[i].file = -1;
+        sides->side[i].file = -1;
 }
 
-static void forget(struct side *side)
+static void close_side(struct side *side)
 {
     overlay_free(&side->pages);
     side->beside = BESIDE_EMPTY;
@@ -167,23 +167,23 @@ static void forget(struct side *side)
     side->file = -1;
 }
 
-void database_sides_free(struct database_sides *s)
+void database_sides_free(struct database_sides *sides)
 {
     for (int i = 0; i < SIDE_COUNT; i++) {
-        forget(&s->side[i]);
-        free(s->side[i].name);
-        s->side[i].name = NULL;
+        close_side(&sides->side[i]);
+        free(sides->side[i].name);
+        sides->side[i].name = NULL;
     }
 }
 
-bool database_sides_name(struct database_sides *s, const char *name)
+bool database_sides_name(struct database_sides *sides, const char *name)
 {
     static const char *const endings[SIDE_COUNT] = {"-journal", "-wal", "-shm"};
     bool named = true;
     for (int i = 0; i < SIDE_COUNT; i++) {
         char *side = malloc(strlen(name) + strlen(endings[i]) + 1);
-        free(s->side[i].name);
-        s->side[i].name = side;
+        free(sides->side[i].name);
+        sides->side[i].name = side;
         named = named && side;
         if (side)
             sprintf(side, "%s%s", name, endings[i]);
@@ -191,9 +191,9 @@ bool database_sides_name(struct database_sides *s, const char *name)
     return named;
 }
 
-bool database_sides_is(const struct database_sides *s, enum side_kind kind, const char *name)
+bool database_sides_is(const struct database_sides *sides, enum side_kind kind, const char *name)
 {
-    return s->side[kind].name && !strcmp(name, s->side[kind].name);
+    return sides->side[kind].name && !strcmp(name, sides->side[kind].name);
 }
 
 // ------------------------------------------------------------- reading
@@ -220,9 +220,9 @@ enum status database_sides_read(const struct database_sides *s, void *to, size_t
     return logged == NOTHING ? read_beside(&s->side[SIDE_JOURNAL], to, count, at) : logged;
 }
 
-bool database_sides_have_pages(const struct database_sides *s, int64_t *bytes)
+bool database_sides_have_pages(const struct database_sides *sides, int64_t *bytes)
 {
-    const struct side *log = &s->side[SIDE_LOG], *journal = &s->side[SIDE_JOURNAL];
+    const struct side *log = &sides->side[SIDE_LOG], *journal = &sides->side[SIDE_JOURNAL];
     const struct side *last = NULL;
     if (log->beside == BESIDE_OWN)
         last = log;
@@ -246,10 +246,10 @@ static bool read_taken_back(void *from, void *to, size_t count, int64_t at)
     return status == NOTHING ? t->file->read(t->file->from, to, count, at) : status == OK;
 }
 
-static enum beside read_side(struct database_sides *s, enum side_kind kind, const struct byte_source *file)
+static enum beside read_side(struct database_sides *sides, enum side_kind kind, const struct byte_source *file)
 {
-    struct side *side = &s->side[kind];
-    const struct side *journal = &s->side[SIDE_JOURNAL];
+    struct side *side = &sides->side[kind];
+    const struct side *journal = &sides->side[SIDE_JOURNAL];
     const struct byte_source beside = {read_descriptor, side, side->seen.st_size};
     overlay_free(&side->pages);
     if (kind == SIDE_JOURNAL)
@@ -264,14 +264,14 @@ static enum beside read_side(struct database_sides *s, enum side_kind kind, cons
 
 // ------------------------------------------------------------- looking
 
-static bool refuse(struct database_sides *s, enum status why, const char *sentence, const char *name)
+static bool reject_side(struct database_sides *sides, enum status why, const char *sentence, const char *name)
 {
-    s->trouble = why;
-    snprintf(s->sentence, sizeof s->sentence, sentence, name, s->path);
+    sides->trouble = why;
+    snprintf(sides->sentence, sizeof sides->sentence, sentence, name, sides->path);
     return false;
 }
 
-static bool refuse_beside(struct database_sides *s, enum side_kind kind)
+static bool refuse_beside(struct database_sides *sides, enum side_kind kind)
 {
     static const char *const foreign[] = {
         [SIDE_JOURNAL] = "%s holds what a change of another file, or of another version of this one, has overwritten, "
@@ -279,20 +279,21 @@ static bool refuse_beside(struct database_sides *s, enum side_kind kind)
                          "reenact-capture verify",
         [SIDE_LOG] = "%s holds the last part of another file that was called so, not of %s, which would be damaged by "
                      "it: put it beside that file, or move it away"};
-    const struct side *side = &s->side[kind];
+    const struct side *side = &sides->side[kind];
     switch (side->beside) {
-    case BESIDE_NO_MEMORY: return refuse(s, ERR_MEMORY, "no memory to read %s", side->name);
+    case BESIDE_NO_MEMORY: return reject_side(sides, ERR_MEMORY, "no memory to read %s", side->name);
     case BESIDE_NAMES_ONE:
-        return refuse(s, ERR_IO,
-                      "%s names another file that would be deleted with it, which no recording's does: remove it, then "
-                      "run reenact-capture verify on %s",
-                      side->name);
+        return reject_side(
+            sides, ERR_IO,
+            "%s names another file that would be deleted with it, which no recording's does: remove it, then "
+            "run reenact-capture verify on %s",
+            side->name);
     case BESIDE_DAMAGED:
-        return refuse(s, ERR_IO,
-                      "%s is damaged, and may hold a part of %s: keep a copy of both, then move it away and run "
-                      "reenact-capture verify",
-                      side->name);
-    default: return refuse(s, ERR_IO, foreign[kind], side->name);
+        return reject_side(sides, ERR_IO,
+                           "%s is damaged, and may hold a part of %s: keep a copy of both, then move it away and run "
+                           "reenact-capture verify",
+                           side->name);
+    default: return reject_side(sides, ERR_IO, foreign[kind], side->name);
     }
 }
 
@@ -303,151 +304,152 @@ static bool is_same_file(const struct stat *one, const struct stat *other)
 }
 
 // True, and *there: it is a file of its own and nothing else.
-static bool find_side(struct database_sides *s, enum side_kind kind, struct stat *about, bool *there)
+static bool find_side(struct database_sides *sides, enum side_kind kind, struct stat *about, bool *there)
 {
-    const char *name = s->side[kind].name;
+    const char *name = sides->side[kind].name;
     *there = !lstat(name, about);
     if (!*there)
         return errno == ENOENT || errno == ENOTDIR || errno == ENAMETOOLONG ||
-               refuse(s, ERR_IO, "%s, which belongs to %s, cannot be looked at", name);
-    const bool changes = s->writes || kind == SIDE_INDEX; // SQLite cuts the log's index, to read it, too
+               reject_side(sides, ERR_IO, "%s, which belongs to %s, cannot be looked at", name);
+    const bool changes = sides->writes || kind == SIDE_INDEX; // SQLite cuts the log's index, to read it, too
     return (S_ISREG(about->st_mode) && !(changes && about->st_nlink > 1)) ||
-           refuse(s, ERR_IO,
-                  "%s is a link, a folder or the like, and not a file of its own, as one that belongs to %s is: move "
-                  "it away",
-                  name);
+           reject_side(
+               sides, ERR_IO,
+               "%s is a link, a folder or the like, and not a file of its own, as one that belongs to %s is: move "
+               "it away",
+               name);
 }
 
 // True with side->file < 0: another program has just removed it.
-static bool open_side(struct database_sides *s, enum side_kind kind)
+static bool open_side(struct database_sides *sides, enum side_kind kind)
 {
-    struct side *side = &s->side[kind];
-    forget(side);
+    struct side *side = &sides->side[kind];
+    close_side(side);
     side->file = open(side->name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
     return (side->file >= 0 ? !fstat(side->file, &side->seen) : errno == ENOENT) ||
-           refuse(s, ERR_IO, "%s, which holds a part of %s, cannot be read", side->name);
+           reject_side(sides, ERR_IO, "%s, which holds a part of %s, cannot be read", side->name);
 }
 
-static bool look_at_journal(struct database_sides *s, const struct main_file *file)
+static bool look_at_journal(struct database_sides *sides, const struct main_file *file)
 {
-    struct side *side = &s->side[SIDE_JOURNAL];
+    struct side *side = &sides->side[SIDE_JOURNAL];
     struct stat about;
     bool there;
-    if (!find_side(s, SIDE_JOURNAL, &about, &there))
+    if (!find_side(sides, SIDE_JOURNAL, &about, &there))
         return false;
     if (!there || !about.st_size || file->is_being_changed(file->bytes.from)) {
-        forget(side);
+        close_side(side);
         return true;
     }
     if (side->file >= 0 && side->beside == BESIDE_OWN && is_same_file(&side->seen, &about))
         return true;
-    if (!open_side(s, SIDE_JOURNAL) || side->file < 0)
-        return s->trouble == OK;
-    side->beside = read_side(s, SIDE_JOURNAL, &file->bytes);
+    if (!open_side(sides, SIDE_JOURNAL) || side->file < 0)
+        return sides->trouble == OK;
+    side->beside = read_side(sides, SIDE_JOURNAL, &file->bytes);
     if (side->beside == BESIDE_OWN || side->beside == BESIDE_EMPTY)
         return true;
     // It may have been made while it was read.
-    const bool good = file->is_being_changed(file->bytes.from) || refuse_beside(s, SIDE_JOURNAL);
-    forget(side);
+    const bool good = file->is_being_changed(file->bytes.from) || refuse_beside(sides, SIDE_JOURNAL);
+    close_side(side);
     return good;
 }
 
 // The log is there and open. Unless a writer holds it, the lock on it is shared until it is let go.
-static bool look_into_log(struct database_sides *s, const struct main_file *file, bool known)
+static bool look_into_log(struct database_sides *sides, const struct main_file *file, bool known)
 {
-    struct side *side = &s->side[SIDE_LOG];
+    struct side *side = &sides->side[SIDE_LOG];
     struct stat about;
     bool there;
     const bool held = flock(side->file, LOCK_SH | LOCK_NB) && errno == EWOULDBLOCK;
-    if (held && !find_side(s, SIDE_INDEX, &about, &there))
+    if (held && !find_side(sides, SIDE_INDEX, &about, &there))
         return false;
     if (held) {
-        s->live = !s->writes;
-        s->without_log = false;
+        sides->live = !sides->writes;
+        sides->without_log = false;
         return true;
     }
     if (fstat(side->file, &about))
-        return refuse(s, ERR_IO, "%s, which holds a part of %s, cannot be read", side->name);
+        return reject_side(sides, ERR_IO, "%s, which holds a part of %s, cannot be read", side->name);
     if (!known || !is_same_file(&side->seen, &about)) { // the lock may have come later
         side->seen = about;
-        side->beside = read_side(s, SIDE_LOG, &file->bytes);
+        side->beside = read_side(sides, SIDE_LOG, &file->bytes);
     }
-    return side->beside == BESIDE_OWN || side->beside == BESIDE_EMPTY || refuse_beside(s, SIDE_LOG);
+    return side->beside == BESIDE_OWN || side->beside == BESIDE_EMPTY || refuse_beside(sides, SIDE_LOG);
 }
 
-static bool look_at_log(struct database_sides *s, const struct main_file *file)
+static bool look_at_log(struct database_sides *sides, const struct main_file *file)
 {
-    struct side *side = &s->side[SIDE_LOG];
+    struct side *side = &sides->side[SIDE_LOG];
     struct stat about;
     bool there;
-    if ((s->writes && !find_side(s, SIDE_INDEX, &about, &there)) || !find_side(s, SIDE_LOG, &about, &there))
+    if ((sides->writes && !find_side(sides, SIDE_INDEX, &about, &there)) || !find_side(sides, SIDE_LOG, &about, &there))
         return false;
     // A writer leaves its log's name in the header; where the log is gone, it enters write-ahead mode anew.
-    s->without_log = there ? !s->writes : !s->wrote_header;
+    sides->without_log = there ? !sides->writes : !sides->wrote_header;
     if (!there) {
-        forget(side);
+        close_side(side);
         return true;
     }
     const bool known = side->file >= 0 && side->beside == BESIDE_OWN && is_same_file(&side->seen, &about);
-    if (!known && !open_side(s, SIDE_LOG))
+    if (!known && !open_side(sides, SIDE_LOG))
         return false;
     if (side->file < 0)
         return true;
-    const bool good = look_into_log(s, file, known);
-    if (!good || s->writes || s->live)
-        forget(side);
+    const bool good = look_into_log(sides, file, known);
+    if (!good || sides->writes || sides->live)
+        close_side(side);
     return good;
 }
 
 // Where what lies beside has become another, SQLite must not go on with the pages that it has.
-static bool is_as_before(const struct database_sides *s, const struct side before[SIDE_COUNT])
+static bool is_as_before(const struct database_sides *sides, const struct side before[SIDE_COUNT])
 {
-    bool same = !s->live;
+    bool same = !sides->live;
     for (int i = 0; i < SIDE_INDEX; i++)
-        same = same && before[i].beside == s->side[i].beside &&
-               (before[i].beside != BESIDE_OWN || is_same_file(&before[i].seen, &s->side[i].seen));
+        same = same && before[i].beside == sides->side[i].beside &&
+               (before[i].beside != BESIDE_OWN || is_same_file(&before[i].seen, &sides->side[i].seen));
     return same;
 }
 
-bool database_sides_look(struct database_sides *s, const struct main_file *file)
+bool database_sides_look(struct database_sides *sides, const struct main_file *file)
 {
     struct side before[SIDE_COUNT];
-    if (s->live)
+    if (sides->live)
         return true;
-    memcpy(before, s->side, sizeof before);
-    s->trouble = OK;
-    if (!look_at_journal(s, file) || !look_at_log(s, file))
+    memcpy(before, sides->side, sizeof before);
+    sides->trouble = OK;
+    if (!look_at_journal(sides, file) || !look_at_log(sides, file))
         return false;
-    s->generation += !s->writes && !is_as_before(s, before);
+    sides->generation += !sides->writes && !is_as_before(sides, before);
     return true;
 }
 
-void database_sides_let_go(struct database_sides *s)
+void database_sides_let_go(struct database_sides *sides)
 {
-    if (s->side[SIDE_LOG].file >= 0)
-        flock(s->side[SIDE_LOG].file, LOCK_UN);
+    if (sides->side[SIDE_LOG].file >= 0)
+        flock(sides->side[SIDE_LOG].file, LOCK_UN);
 }
 
-bool database_sides_claim_log(struct database_sides *s)
+bool database_sides_claim_log(struct database_sides *sides)
 {
-    if (s->claims++)
+    if (sides->claims++)
         return true;
-    s->claim = open(s->side[SIDE_LOG].name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
-    if (s->claim < 0 || !flock(s->claim, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
+    sides->claim = open(sides->side[SIDE_LOG].name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+    if (sides->claim < 0 || !flock(sides->claim, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
         return true;
     // Where it is a writer that holds it, no reader does.
-    const bool is_read = !flock(s->claim, LOCK_SH | LOCK_NB);
-    close(s->claim);
-    s->claim = -1;
-    s->claims -= is_read;
+    const bool is_read = !flock(sides->claim, LOCK_SH | LOCK_NB);
+    close(sides->claim);
+    sides->claim = -1;
+    sides->claims -= is_read;
     return !is_read;
 }
 
-void database_sides_give_log(struct database_sides *s)
+void database_sides_give_log(struct database_sides *sides)
 {
-    if (--s->claims)
+    if (--sides->claims)
         return;
-    if (s->claim >= 0)
-        close(s->claim);
-    s->claim = -1;
+    if (sides->claim >= 0)
+        close(sides->claim);
+    sides->claim = -1;
 }

@@ -2,6 +2,7 @@
 // used, what a reader takes from them, and why one is refused. A part of database_files.h, which has the promises.
 #pragma once
 #include "base/status.h"
+
 #include <sys/stat.h>
 
 // ---------------------------------------------------------------- database pages
@@ -11,7 +12,7 @@
 // to the one beside which it lies: SQLite itself takes whatever has the name, and destroys the file with another's.
 // Numbers in SQLite's files are big-endian (www.sqlite.org/fileformat2.html).
 
-enum { DATABASE_HEADER_BYTES = 100, DATABASE_PAGE_MOST = 65536, DATABASE_MARK_DIGITS = 32 };
+enum { DATABASE_HEADER_BYTES = 100, DATABASE_PAGE_MAX = 65536, DATABASE_MARK_DIGITS = 32 };
 
 // 128 random bits, in hexadecimal, that name the file among all others: a view, since that has no page of its own and
 // is kept by every copy and VACUUM. It stands in page 1, and so in every journal and log that holds that page.
@@ -46,10 +47,10 @@ enum beside {
 uint32_t database_number_at(const uint8_t *at);
 
 // False: no memory.
-MUST_CHECK bool overlay_add(struct page_overlay *o, uint32_t number, int64_t at);
+MUST_CHECK bool overlay_add(struct page_overlay *overlay, uint32_t number, int64_t at);
 // After the last addition: of a page that was added twice the later one counts.
-void overlay_sort(struct page_overlay *o);
-const struct overlay_page *overlay_find(const struct page_overlay *o, uint32_t number); // NULL: it is not there
+void overlay_sort(struct page_overlay *overlay);
+const struct overlay_page *overlay_find(const struct page_overlay *overlay, uint32_t number); // NULL: it is not there
 
 // What page 1 says of the file.
 struct page_one {
@@ -102,25 +103,25 @@ struct main_file {
     bool (*is_being_changed)(void *from); // in place, by another connection, which holds a lock from the beginning
 };
 
-void database_sides_init(struct database_sides *s, const char *path, bool writes);
-void database_sides_free(struct database_sides *s);
+void database_sides_init(struct database_sides *sides, const char *path, bool writes);
+void database_sides_free(struct database_sides *sides);
 
 // `name`: of the database, without links. False: no memory.
-MUST_CHECK bool database_sides_name(struct database_sides *s, const char *name);
-bool database_sides_is(const struct database_sides *s, enum side_kind kind, const char *name);
+MUST_CHECK bool database_sides_name(struct database_sides *sides, const char *name);
+bool database_sides_is(const struct database_sides *sides, enum side_kind kind, const char *name);
 
 // To be called with a shared lock on the file, so that nobody comes to change it in place, or enters or leaves
-// write-ahead mode. False: s->trouble and s->sentence say why.
-MUST_CHECK bool database_sides_look(struct database_sides *s, const struct main_file *file);
+// write-ahead mode. False: sides->trouble and sides->sentence say why.
+MUST_CHECK bool database_sides_look(struct database_sides *sides, const struct main_file *file);
 // Before that lock is let go.
-void database_sides_let_go(struct database_sides *s);
+void database_sides_let_go(struct database_sides *sides);
 
 // Around a change of the log, or of the file by it, by a connection for which database_lock_writer may not have been
 // called. False: somebody reads a log that was left.
-MUST_CHECK bool database_sides_claim_log(struct database_sides *s);
-void database_sides_give_log(struct database_sides *s);
+MUST_CHECK bool database_sides_claim_log(struct database_sides *sides);
+void database_sides_give_log(struct database_sides *sides);
 
 // Whether a reader takes pages from beside the file; *bytes: the size of the file with them.
-bool database_sides_have_pages(const struct database_sides *s, int64_t *bytes);
+bool database_sides_have_pages(const struct database_sides *sides, int64_t *bytes);
 // Bytes of one page from beside the file. NOTHING: it has none of that page. ERR_IO, without a sentence.
 MUST_CHECK enum status database_sides_read(const struct database_sides *s, void *to, size_t count, int64_t at);

@@ -12,7 +12,7 @@
 static struct ffmpeg_library library;
 static bool loaded;
 
-static void load(void)
+static void load_functions(void)
 {
     // libavformat brings libavcodec and libavutil.
     void *const from[] = {dlopen(SONAME("avformat", LIBAVFORMAT_VERSION_MAJOR), RTLD_NOW | RTLD_LOCAL),
@@ -38,7 +38,7 @@ static void load(void)
 const struct ffmpeg_library *ffmpeg_library(void)
 {
     static pthread_once_t once = PTHREAD_ONCE_INIT;
-    pthread_once(&once, load);
+    pthread_once(&once, load_functions);
     return loaded ? &library : NULL;
 }
 #endif

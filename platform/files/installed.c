@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 // The first of the folders, seen from the program's own, that has a file of that name.
-static const char *find(const char *const *folders, size_t count, const char *name, char out[INSTALLED_PATH_BYTES])
+static const char *find_file(const char *const *folders, size_t count, const char *name, char out[INSTALLED_PATH_BYTES])
 {
     char program[2048], path[INSTALLED_PATH_BYTES];
     const ssize_t length = readlink("/proc/self/exe", program, sizeof program - 1);
@@ -32,7 +32,7 @@ static const char *find(const char *const *folders, size_t count, const char *na
 const char *installed_text(const char *name, char out[INSTALLED_PATH_BYTES])
 {
     static const char *const folders[] = {"../share/doc/reenact/docs", "../../../docs"};
-    if (!find(folders, COUNT_OF(folders), name, out))
+    if (!find_file(folders, COUNT_OF(folders), name, out))
         snprintf(out, INSTALLED_PATH_BYTES, "docs/%s", name);
     return out;
 }
@@ -40,5 +40,5 @@ const char *installed_text(const char *name, char out[INSTALLED_PATH_BYTES])
 const char *installed_tool(const char *name, char out[INSTALLED_PATH_BYTES])
 {
     static const char *const folders[] = {"../libexec/reenact", "../../../tools"};
-    return find(folders, COUNT_OF(folders), name, out);
+    return find_file(folders, COUNT_OF(folders), name, out);
 }

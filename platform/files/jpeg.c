@@ -30,10 +30,10 @@ struct reader {
     size_t used;
 };
 
-static void put(struct reader *r, const uint8_t *bytes, size_t count)
+static void put_bytes(struct reader *reader, const uint8_t *bytes, size_t count)
 {
-    memcpy(r->out + r->used, bytes, count);
-    r->used += count;
+    memcpy(reader->out + reader->used, bytes, count);
+    reader->used += count;
 }
 
 static bool begins_with(const uint8_t *data, size_t count, const char *name, size_t bytes)
@@ -53,7 +53,7 @@ static bool is_needed(uint8_t marker, const uint8_t *data, size_t count)
 }
 
 // The segment's data without its two bytes of length. Puts what decoding needs.
-static void put_segment(struct reader *r, uint8_t marker, const uint8_t *data, size_t count)
+static void put_segment(struct reader *reader, uint8_t marker, const uint8_t *data, size_t count)
 {
     static const char jfif[] = "JFIF";
     enum { JFIF_BYTES = 14 }; // up to the thumbnail, the last two its width and height
@@ -62,62 +62,62 @@ static void put_segment(struct reader *r, uint8_t marker, const uint8_t *data, s
         if (!begins_with(data, count, jfif, sizeof jfif) || count < JFIF_BYTES)
             return;
         memcpy(head + 4, data, JFIF_BYTES - 2);
-        put(r, head, sizeof head);
+        put_bytes(reader, head, sizeof head);
         return;
     }
     if (!is_needed(marker, data, count))
         return;
     head[2] = (uint8_t)((count + 2) >> 8);
     head[3] = (uint8_t)((count + 2) & 0xff);
-    put(r, head, 4);
-    put(r, data, count);
+    put_bytes(reader, head, 4);
+    put_bytes(reader, data, count);
 }
 
 // Coded pixels: to the next marker that is not part of them.
-static void put_pixels(struct reader *r)
+static void put_pixels(struct reader *reader)
 {
-    const size_t first = r->at;
-    while (r->at < r->count) {
-        const uint8_t *mark = memchr(r->bytes + r->at, 0xff, r->count - r->at);
-        r->at = mark ? (size_t)(mark - r->bytes) : r->count;
-        if (r->count - r->at < 2) {
-            r->at = r->count;
+    const size_t first = reader->at;
+    while (reader->at < reader->count) {
+        const uint8_t *mark = memchr(reader->bytes + reader->at, 0xff, reader->count - reader->at);
+        reader->at = mark ? (size_t)(mark - reader->bytes) : reader->count;
+        if (reader->count - reader->at < 2) {
+            reader->at = reader->count;
             break;
         }
-        const uint8_t next = r->bytes[r->at + 1];
+        const uint8_t next = reader->bytes[reader->at + 1];
         if (next && next != 0xff && !is_restart(next))
             break;
-        r->at += next == 0xff ? 1 : 2;
+        reader->at += next == 0xff ? 1 : 2;
     }
-    put(r, r->bytes + first, r->at - first);
+    put_bytes(reader, reader->bytes + first, reader->at - first);
 }
 
 // One marker with what belongs to it. NOTHING: it was the last.
-static enum status step(struct reader *r)
+static enum status copy_segment(struct reader *reader)
 {
     static const uint8_t end[] = {0xff, MARKER_EOI};
-    if (r->bytes[r->at] != 0xff)
+    if (reader->bytes[reader->at] != 0xff)
         return fail(ERR_CORRUPT, "a JPEG picture is damaged: a marker is missing");
-    while (r->at < r->count && r->bytes[r->at] == 0xff)
-        r->at++;
-    if (r->at == r->count)
+    while (reader->at < reader->count && reader->bytes[reader->at] == 0xff)
+        reader->at++;
+    if (reader->at == reader->count)
         return NOTHING;
-    const uint8_t marker = r->bytes[r->at++];
+    const uint8_t marker = reader->bytes[reader->at++];
     if (marker == MARKER_EOI) {
-        put(r, end, sizeof end);
+        put_bytes(reader, end, sizeof end);
         return NOTHING;
     }
-    if (r->count - r->at < 2)
+    if (reader->count - reader->at < 2)
         return NOTHING; // cut short
-    const size_t length = (size_t)r->bytes[r->at] << 8 | r->bytes[r->at + 1];
+    const size_t length = (size_t)reader->bytes[reader->at] << 8 | reader->bytes[reader->at + 1];
     if (length < 2)
         return fail(ERR_CORRUPT, "a JPEG picture is damaged: a marker's length is impossible");
-    if (length > r->count - r->at)
+    if (length > reader->count - reader->at)
         return NOTHING; // cut short
-    put_segment(r, marker, r->bytes + r->at + 2, length - 2);
-    r->at += length;
+    put_segment(reader, marker, reader->bytes + reader->at + 2, length - 2);
+    reader->at += length;
     if (marker == MARKER_SOS)
-        put_pixels(r);
+        put_pixels(reader);
     return OK;
 }
 
@@ -131,10 +131,10 @@ enum status jpeg_without_metadata(const uint8_t *bytes, size_t count, uint8_t **
     struct reader r = {.bytes = bytes, .count = count, .at = 2, .out = malloc(count + 2)};
     if (!r.out)
         return fail(ERR_MEMORY, "no memory for a picture of %zu bytes", count);
-    put(&r, start, sizeof start);
+    put_bytes(&r, start, sizeof start);
     enum status status = OK;
     while (status == OK && r.at < r.count)
-        status = step(&r);
+        status = copy_segment(&r);
     if (status < 0) {
         free(r.out);
         return status;

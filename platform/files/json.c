@@ -10,14 +10,14 @@
 #include <string.h>
 
 // `struct json` is never defined: it is cJSON's node under a name that keeps cJSON.h out of json.h.
-static cJSON *node(const struct json *value) { return (cJSON *)(uintptr_t)value; }
+static cJSON *cjson_node(const struct json *value) { return (cJSON *)(uintptr_t)value; }
 
 static struct json *from_node(cJSON *value) { return (struct json *)value; }
 
 // cJSON says nothing of why it failed; its allocations do.
 static _Thread_local bool out_of_memory;
 
-static void *allocate(size_t size)
+static void *allocate_memory(size_t size)
 {
     void *memory = malloc(size);
     out_of_memory |= !memory;
@@ -26,7 +26,7 @@ static void *allocate(size_t size)
 
 static void set_hooks(void)
 {
-    cJSON_Hooks hooks = {.malloc_fn = allocate, .free_fn = free};
+    cJSON_Hooks hooks = {.malloc_fn = allocate_memory, .free_fn = free};
     cJSON_InitHooks(&hooks);
 }
 
@@ -63,63 +63,63 @@ enum status json_read(const char *path, struct json **out)
 
 void json_free(struct json **root)
 {
-    cJSON_Delete(node(*root));
+    cJSON_Delete(cjson_node(*root));
     *root = NULL;
 }
 
 const struct json *json_member(const struct json *object, const char *name)
 {
-    return object ? from_node(cJSON_GetObjectItemCaseSensitive(node(object), name)) : NULL;
+    return object ? from_node(cJSON_GetObjectItemCaseSensitive(cjson_node(object), name)) : NULL;
 }
 
 int json_count(const struct json *array)
 {
-    return json_is_array(array) || json_is_object(array) ? cJSON_GetArraySize(node(array)) : 0;
+    return json_is_array(array) || json_is_object(array) ? cJSON_GetArraySize(cjson_node(array)) : 0;
 }
 
 const struct json *json_at(const struct json *array, int index)
 {
-    return from_node(cJSON_GetArrayItem(node(array), index));
+    return from_node(cJSON_GetArrayItem(cjson_node(array), index));
 }
 
 const struct json *json_first(const struct json *array)
 {
-    return json_is_array(array) || json_is_object(array) ? from_node(node(array)->child) : NULL;
+    return json_is_array(array) || json_is_object(array) ? from_node(cjson_node(array)->child) : NULL;
 }
 
-const struct json *json_next(const struct json *value) { return from_node(node(value)->next); }
+const struct json *json_next(const struct json *value) { return from_node(cjson_node(value)->next); }
 
 const char *json_name(const struct json *member)
 {
-    const char *name = node(member)->string;
+    const char *name = cjson_node(member)->string;
     return name ? name : "";
 }
 
-bool json_is_object(const struct json *value) { return cJSON_IsObject(node(value)); }
+bool json_is_object(const struct json *value) { return cJSON_IsObject(cjson_node(value)); }
 
-bool json_is_array(const struct json *value) { return cJSON_IsArray(node(value)); }
+bool json_is_array(const struct json *value) { return cJSON_IsArray(cjson_node(value)); }
 
 bool json_get_number(const struct json *value, double *out)
 {
-    if (!cJSON_IsNumber(node(value)) || !isfinite(node(value)->valuedouble))
+    if (!cJSON_IsNumber(cjson_node(value)) || !isfinite(cjson_node(value)->valuedouble))
         return false;
-    *out = node(value)->valuedouble;
+    *out = cjson_node(value)->valuedouble;
     return true;
 }
 
 bool json_get_bool(const struct json *value, bool *out)
 {
-    if (!cJSON_IsBool(node(value)))
+    if (!cJSON_IsBool(cjson_node(value)))
         return false;
-    *out = cJSON_IsTrue(node(value));
+    *out = cJSON_IsTrue(cjson_node(value));
     return true;
 }
 
 bool json_get_string(const struct json *value, const char **out)
 {
-    if (!cJSON_IsString(node(value)))
+    if (!cJSON_IsString(cjson_node(value)))
         return false;
-    *out = node(value)->valuestring;
+    *out = cjson_node(value)->valuestring;
     return true;
 }
 
@@ -135,9 +135,9 @@ struct json *json_new_object(void) { return from_node(cJSON_CreateObject()); }
 // What is lost for lack of memory is noted in its parent's number, which objects and arrays do not use.
 enum { LOST_A_CHILD = 1 };
 
-static cJSON *attach(struct json *parent, const char *name, cJSON *child)
+static cJSON *attach_child(struct json *parent, const char *name, cJSON *child)
 {
-    cJSON *to = node(parent);
+    cJSON *to = cjson_node(parent);
     if (child && (name ? cJSON_AddItemToObject(to, name, child) : cJSON_AddItemToArray(to, child)))
         return child;
     cJSON_Delete(child);
@@ -156,27 +156,30 @@ static bool is_whole(const cJSON *value)
 
 void json_add_number(struct json *object, const char *name, double value)
 {
-    attach(object, name, isfinite(value) ? cJSON_CreateNumber(value) : cJSON_CreateNull());
+    attach_child(object, name, isfinite(value) ? cJSON_CreateNumber(value) : cJSON_CreateNull());
 }
 
-void json_add_bool(struct json *object, const char *name, bool value) { attach(object, name, cJSON_CreateBool(value)); }
+void json_add_bool(struct json *object, const char *name, bool value)
+{
+    attach_child(object, name, cJSON_CreateBool(value));
+}
 
 void json_add_string(struct json *object, const char *name, const char *value)
 {
     cJSON *string = cJSON_CreateString(value);
     if (string)
         text_make_utf8(string->valuestring);
-    attach(object, name, string);
+    attach_child(object, name, string);
 }
 
 struct json *json_add_object(struct json *object, const char *name)
 {
-    return from_node(attach(object, name, cJSON_CreateObject()));
+    return from_node(attach_child(object, name, cJSON_CreateObject()));
 }
 
 struct json *json_add_array(struct json *object, const char *name)
 {
-    return from_node(attach(object, name, cJSON_CreateArray()));
+    return from_node(attach_child(object, name, cJSON_CreateArray()));
 }
 
 void json_push_number(struct json *array, double value) { json_add_number(array, NULL, value); }
@@ -185,7 +188,7 @@ void json_push_string(struct json *array, const char *value) { json_add_string(a
 
 char *json_print(const struct json *root)
 {
-    char *text = root && is_whole(node(root)) ? cJSON_Print(node(root)) : NULL;
+    char *text = root && is_whole(cjson_node(root)) ? cJSON_Print(cjson_node(root)) : NULL;
     size_t length = text ? strlen(text) : 0;
     char *terminated = text ? realloc(text, length + 2) : NULL; // cJSON allocates with malloc
     if (!terminated) {

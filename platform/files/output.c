@@ -26,21 +26,21 @@ enum status output_check(const char *path, const char *input, bool force)
     return file_check_output(path, force);
 }
 
-static enum status open_part(struct output *o)
+static enum status open_part(struct output *output)
 {
-    enum status status = file_begin(o->path, o->part);
-    if (status != OK || (o->file = fopen(o->part, "w+b")))
+    enum status status = file_begin(output->path, output->part);
+    if (status != OK || (output->file = fopen(output->part, "w+b")))
         return status;
-    status = fail(errno == ENOMEM ? ERR_MEMORY : ERR_IO, "%s cannot be written: %s", o->path, strerror(errno));
-    unlink(o->part);
+    status = fail(errno == ENOMEM ? ERR_MEMORY : ERR_IO, "%s cannot be written: %s", output->path, strerror(errno));
+    unlink(output->part);
     return status;
 }
 
-static enum status open_device(struct output *o)
+static enum status open_device(struct output *output)
 {
-    o->device = true;
-    o->file = fopen(o->path, "wb");
-    return o->file ? OK : fail(ERR_IO, "%s: %s", o->path, strerror(errno));
+    output->device = true;
+    output->file = fopen(output->path, "wb");
+    return output->file ? OK : fail(ERR_IO, "%s: %s", output->path, strerror(errno));
 }
 
 enum status output_open(struct output **out, const char *path)
@@ -66,9 +66,9 @@ enum status output_open(struct output **out, const char *path)
     return status;
 }
 
-FILE *output_file(const struct output *o) { return o->file; }
+FILE *output_file(const struct output *output) { return output->file; }
 
-bool output_can_seek(const struct output *o) { return fseek(o->file, 0, SEEK_CUR) == 0; }
+bool output_can_seek(const struct output *output) { return fseek(output->file, 0, SEEK_CUR) == 0; }
 
 enum status output_close(struct output **out, enum status status)
 {

@@ -14,8 +14,8 @@ struct output;
 
 // ERR_IO, ERR_INPUT: the path is too long; ERR_MEMORY. On failure *out is NULL.
 MUST_CHECK enum status output_open(struct output **out, const char *path);
-FILE *output_file(const struct output *o);    // to write to; not to be closed
-bool output_can_seek(const struct output *o); // false for a pipe or terminal
+FILE *output_file(const struct output *output);    // to write to; not to be closed
+bool output_can_seek(const struct output *output); // false for a pipe or terminal
 // Ends writing. With OK the file gets its name, replacing another, but never a protected one (ERR_EXISTS); with any
 // other `status`, or where it cannot be written, nothing of it remains. Returns the first error. NULL is fine; sets *o
 // = NULL.

@@ -23,30 +23,30 @@ static cairo_status_t write_bytes(void *file, const unsigned char *bytes, unsign
 
 bool page_available(void) { return true; }
 
-static void fresh_page(struct page *p)
+static void fresh_page(struct page *page)
 {
-    cairo_set_source_rgb(p->cr, 1, 1, 1);
-    cairo_paint(p->cr);
+    cairo_set_source_rgb(page->cr, 1, 1, 1);
+    cairo_paint(page->cr);
 }
 
-static enum status open_surface(struct page *p, double width_mm, double height_mm, double dpi)
+static enum status open_surface(struct page *page, double width_mm, double height_mm, double dpi)
 {
     const double per_inch = dpi > 0 ? dpi : POINTS_PER_INCH, per_mm = per_inch / MM_PER_INCH;
-    p->surface = dpi > 0 ? cairo_image_surface_create(CAIRO_FORMAT_A8, (int)(width_mm * per_mm + 0.5),
-                                                      (int)(height_mm * per_mm + 0.5))
-                         : cairo_pdf_surface_create_for_stream(write_bytes, output_file(p->out), width_mm * per_mm,
-                                                               height_mm * per_mm);
-    cairo_status_t status = cairo_surface_status(p->surface);
+    page->surface = dpi > 0 ? cairo_image_surface_create(CAIRO_FORMAT_A8, (int)(width_mm * per_mm + 0.5),
+                                                         (int)(height_mm * per_mm + 0.5))
+                            : cairo_pdf_surface_create_for_stream(write_bytes, output_file(page->out),
+                                                                  width_mm * per_mm, height_mm * per_mm);
+    cairo_status_t status = cairo_surface_status(page->surface);
     if (status != CAIRO_STATUS_SUCCESS)
         return status == CAIRO_STATUS_NO_MEMORY
                    ? fail(ERR_MEMORY, "no memory for a page")
                    : fail(ERR_IO, "a page cannot be made (cairo: %s)", cairo_status_to_string(status));
-    p->cr = cairo_create(p->surface);
-    cairo_scale(p->cr, per_mm, per_mm);
-    cairo_select_font_face(p->cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+    page->cr = cairo_create(page->surface);
+    cairo_scale(page->cr, per_mm, per_mm);
+    cairo_select_font_face(page->cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
     // A picture has one channel, its opacity, which starts at 0: there 0 is white and 1 is black.
     if (dpi <= 0)
-        fresh_page(p);
+        fresh_page(page);
     return OK;
 }
 
@@ -67,80 +67,80 @@ enum status page_open(struct page **out, const char *path, double width_mm, doub
     return status;
 }
 
-static void set_grey(struct page *p, double grey)
+static void set_grey(struct page *page, double grey)
 {
-    if (p->out) {
-        cairo_set_source_rgb(p->cr, grey, grey, grey);
+    if (page->out) {
+        cairo_set_source_rgb(page->cr, grey, grey, grey);
     } else {
-        cairo_set_operator(p->cr, CAIRO_OPERATOR_SOURCE);
-        cairo_set_source_rgba(p->cr, 0, 0, 0, 1 - grey);
+        cairo_set_operator(page->cr, CAIRO_OPERATOR_SOURCE);
+        cairo_set_source_rgba(page->cr, 0, 0, 0, 1 - grey);
     }
 }
 
-void page_next(struct page *p)
+void page_next(struct page *page)
 {
-    cairo_show_page(p->cr);
-    if (p->out)
-        fresh_page(p);
+    cairo_show_page(page->cr);
+    if (page->out)
+        fresh_page(page);
     else {
-        set_grey(p, 1);
-        cairo_paint(p->cr);
+        set_grey(page, 1);
+        cairo_paint(page->cr);
     }
 }
 
-void page_rectangle(struct page *p, double x, double y, double w, double h, double grey)
+void page_rectangle(struct page *page, double x, double y, double width, double height, double grey)
 {
-    set_grey(p, grey);
+    set_grey(page, grey);
     // Cells of a pattern share their edges: antialiasing would leave a light line between them.
-    cairo_set_antialias(p->cr, CAIRO_ANTIALIAS_NONE);
-    cairo_rectangle(p->cr, x, y, w, h);
-    cairo_fill(p->cr);
-    cairo_set_antialias(p->cr, CAIRO_ANTIALIAS_DEFAULT);
+    cairo_set_antialias(page->cr, CAIRO_ANTIALIAS_NONE);
+    cairo_rectangle(page->cr, x, y, width, height);
+    cairo_fill(page->cr);
+    cairo_set_antialias(page->cr, CAIRO_ANTIALIAS_DEFAULT);
 }
 
-void page_disc(struct page *p, double x, double y, double radius, double grey)
+void page_disc(struct page *page, double x, double y, double radius, double grey)
 {
-    set_grey(p, grey);
-    cairo_new_path(p->cr);
-    cairo_arc(p->cr, x, y, radius, 0, 6.283185307179586);
-    cairo_fill(p->cr);
+    set_grey(page, grey);
+    cairo_new_path(page->cr);
+    cairo_arc(page->cr, x, y, radius, 0, 6.283185307179586);
+    cairo_fill(page->cr);
 }
 
-void page_line(struct page *p, const double from[2], const double to[2], double width, double grey)
+void page_line(struct page *page, const double from[2], const double to[2], double width, double grey)
 {
-    set_grey(p, grey);
-    cairo_set_line_width(p->cr, width);
-    cairo_move_to(p->cr, from[0], from[1]);
-    cairo_line_to(p->cr, to[0], to[1]);
-    cairo_stroke(p->cr);
+    set_grey(page, grey);
+    cairo_set_line_width(page->cr, width);
+    cairo_move_to(page->cr, from[0], from[1]);
+    cairo_line_to(page->cr, to[0], to[1]);
+    cairo_stroke(page->cr);
 }
 
-void page_text(struct page *p, double x, double y, double size, const char *text)
+void page_text(struct page *page, double x, double y, double size, const char *text)
 {
-    set_grey(p, 0);
-    if (!p->out)
-        cairo_set_operator(p->cr, CAIRO_OPERATOR_OVER);
-    cairo_set_font_size(p->cr, size);
-    cairo_move_to(p->cr, x, y);
-    cairo_show_text(p->cr, text);
+    set_grey(page, 0);
+    if (!page->out)
+        cairo_set_operator(page->cr, CAIRO_OPERATOR_OVER);
+    cairo_set_font_size(page->cr, size);
+    cairo_move_to(page->cr, x, y);
+    cairo_show_text(page->cr, text);
 }
 
-void page_clip(struct page *p, double x, double y, double w, double h)
+void page_clip(struct page *page, double x, double y, double width, double height)
 {
-    cairo_save(p->cr);
-    cairo_rectangle(p->cr, x, y, w, h);
-    cairo_clip(p->cr);
+    cairo_save(page->cr);
+    cairo_rectangle(page->cr, x, y, width, height);
+    cairo_clip(page->cr);
 }
 
-void page_unclip(struct page *p) { cairo_restore(p->cr); }
+void page_unclip(struct page *page) { cairo_restore(page->cr); }
 
-const uint8_t *page_pixels(struct page *p, int *width, int *height, int *stride)
+const uint8_t *page_pixels(struct page *page, int *width, int *height, int *stride)
 {
-    cairo_surface_flush(p->surface);
-    uint8_t *pixels = cairo_image_surface_get_data(p->surface);
-    *width = cairo_image_surface_get_width(p->surface);
-    *height = cairo_image_surface_get_height(p->surface);
-    *stride = cairo_image_surface_get_stride(p->surface);
+    cairo_surface_flush(page->surface);
+    uint8_t *pixels = cairo_image_surface_get_data(page->surface);
+    *width = cairo_image_surface_get_width(page->surface);
+    *height = cairo_image_surface_get_height(page->surface);
+    *stride = cairo_image_surface_get_stride(page->surface);
     return pixels;
 }
 
@@ -186,28 +186,31 @@ enum status page_open(struct page **out, const char *path, double width_mm, doub
     return fail(ERR_INPUT, "this program was built without cairo and cannot make pages to print; install libcairo2-dev "
                            "and build again");
 }
-void page_next(struct page *p) { (void)p; }
-void page_rectangle(struct page *p, double x, double y, double w, double h, double grey)
+void page_next(struct page *page) { (void)page; }
+void page_rectangle(struct page *page, double x, double y, double width, double height, double grey)
 {
-    (void)p, (void)x, (void)y, (void)w, (void)h, (void)grey;
+    (void)page, (void)x, (void)y, (void)width, (void)height, (void)grey;
 }
-void page_disc(struct page *p, double x, double y, double radius, double grey)
+void page_disc(struct page *page, double x, double y, double radius, double grey)
 {
-    (void)p, (void)x, (void)y, (void)radius, (void)grey;
+    (void)page, (void)x, (void)y, (void)radius, (void)grey;
 }
-void page_line(struct page *p, const double from[2], const double to[2], double width, double grey)
+void page_line(struct page *page, const double from[2], const double to[2], double width, double grey)
 {
-    (void)p, (void)from, (void)to, (void)width, (void)grey;
+    (void)page, (void)from, (void)to, (void)width, (void)grey;
 }
-void page_text(struct page *p, double x, double y, double size, const char *text)
+void page_text(struct page *page, double x, double y, double size, const char *text)
 {
-    (void)p, (void)x, (void)y, (void)size, (void)text;
+    (void)page, (void)x, (void)y, (void)size, (void)text;
 }
-void page_clip(struct page *p, double x, double y, double w, double h) { (void)p, (void)x, (void)y, (void)w, (void)h; }
-void page_unclip(struct page *p) { (void)p; }
-const uint8_t *page_pixels(struct page *p, int *width, int *height, int *stride)
+void page_clip(struct page *page, double x, double y, double width, double height)
 {
-    (void)p;
+    (void)page, (void)x, (void)y, (void)width, (void)height;
+}
+void page_unclip(struct page *page) { (void)page; }
+const uint8_t *page_pixels(struct page *page, int *width, int *height, int *stride)
+{
+    (void)page;
     *width = *height = *stride = 0;
     return NULL;
 }
@@ -216,6 +219,6 @@ enum status page_finish(struct page **p)
     *p = NULL;
     return OK;
 }
-void page_discard(struct page **p) { *p = NULL; }
+void page_discard(struct page **page) { *page = NULL; }
 
 #endif

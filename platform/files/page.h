@@ -15,17 +15,18 @@ bool page_available(void); // cairo was there at build time
 // *out is NULL on error.
 MUST_CHECK enum status page_open(struct page **out, const char *path, double width_mm, double height_mm, double dpi);
 
-void page_next(struct page *p);                                                           // the next page begins, empty
-void page_rectangle(struct page *p, double x, double y, double w, double h, double grey); // grey: 0 black, 1 white
-void page_disc(struct page *p, double x, double y, double radius, double grey);
-void page_line(struct page *p, const double from[2], const double to[2], double width, double grey);
-void page_text(struct page *p, double x, double y, double size, const char *text); // x, y: left end of the base line
-void page_clip(struct page *p, double x, double y, double w, double h);            // until page_unclip
-void page_unclip(struct page *p);
+void page_next(struct page *page); // the next page begins, empty
+void page_rectangle(struct page *page, double x, double y, double width, double height,
+                    double grey); // grey: 0 black, 1 white
+void page_disc(struct page *page, double x, double y, double radius, double grey);
+void page_line(struct page *page, const double from[2], const double to[2], double width, double grey);
+void page_text(struct page *page, double x, double y, double size, const char *text); // x, y: left end of the base line
+void page_clip(struct page *page, double x, double y, double width, double height);   // until page_unclip
+void page_unclip(struct page *page);
 
 // The picture of the page so far, one byte a pixel, 255 = white; borrowed until the next call.
-const uint8_t *page_pixels(struct page *p, int *width, int *height, int *stride);
+const uint8_t *page_pixels(struct page *page, int *width, int *height, int *stride);
 
 // Writes the file and closes; sets *p = NULL; a picture is just closed. Errors as output_close: nothing of it is left.
 MUST_CHECK enum status page_finish(struct page **p);
-void page_discard(struct page **p); // closes and leaves no file; NULL is fine
+void page_discard(struct page **page); // closes and leaves no file; NULL is fine

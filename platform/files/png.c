@@ -51,7 +51,7 @@ static void ignore_warning(png_structp png, png_const_charp message)
     (void)message;
 }
 
-static void feed(png_structp png, png_bytep out, png_size_t want)
+static void read_bytes(png_structp png, png_bytep out, png_size_t want)
 {
     struct reader *reader = png_get_io_ptr(png);
     if (want > reader->count - reader->at)
@@ -144,7 +144,7 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
     png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
     png_set_chunk_malloc_max(png, CHUNK_BYTES_MAX);
     png_set_chunk_cache_max(png, 64);
-    png_set_read_fn(png, &reader, feed);
+    png_set_read_fn(png, &reader, read_bytes);
     png_read_info(png, info);
     if (!set_transforms(png, info, kind)) {
         status =
@@ -195,7 +195,7 @@ struct png_buffer {
     size_t count, capacity;
 };
 
-static void grow(png_structp png, png_bytep data, png_size_t count)
+static void append_bytes(png_structp png, png_bytep data, png_size_t count)
 {
     struct png_buffer *memory = png_get_io_ptr(png);
     if (memory->count + count > memory->capacity) {
@@ -233,7 +233,7 @@ enum status png_encode(const struct png_layout *layout, const void *pixels, int 
         free(memory.bytes);
         return fail(ERR_MEMORY, "a picture could not be encoded as PNG (%s)", complaint.message);
     }
-    png_set_write_fn(png, &memory, grow, flush_nothing);
+    png_set_write_fn(png, &memory, append_bytes, flush_nothing);
     png_set_compression_level(png, level);
     png_set_IHDR(png, info, (png_uint_32)width, (png_uint_32)height, kind == PNG_GRAY16 ? 16 : 8, color_type[kind],
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);

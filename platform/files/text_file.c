@@ -27,13 +27,13 @@ enum status text_file_open(struct text_file *out, const char *path)
     return OK;
 }
 
-char *text_file_line(struct text_file *t)
+char *text_file_line(struct text_file *file)
 {
     static const char blanks[] = " \t\r\v\f";
-    while (*t->next) {
-        char *line = t->next + strspn(t->next, blanks), *end = line + strcspn(line, "\n");
-        t->next = *end ? end + 1 : end;
-        t->line++;
+    while (*file->next) {
+        char *line = file->next + strspn(file->next, blanks), *end = line + strcspn(line, "\n");
+        file->next = *end ? end + 1 : end;
+        file->line++;
         while (end > line && strchr(blanks, end[-1]))
             end--;
         *end = 0;
@@ -43,16 +43,16 @@ char *text_file_line(struct text_file *t)
     return NULL;
 }
 
-size_t text_file_lines_left(const struct text_file *t)
+size_t text_file_lines_left(const struct text_file *file)
 {
     size_t lines = 1;
-    for (const char *at = t->next; (at = strchr(at, '\n')); at++)
+    for (const char *at = file->next; (at = strchr(at, '\n')); at++)
         lines++;
     return lines;
 }
 
-void text_file_close(struct text_file *t)
+void text_file_close(struct text_file *file)
 {
-    free(t->text);
-    *t = (struct text_file){0};
+    free(file->text);
+    *file = (struct text_file){0};
 }

@@ -14,9 +14,9 @@ MUST_CHECK enum status text_file_open(struct text_file *out, const char *path);
 
 // The next line that is neither blank nor a comment (#), without blanks round it and whatever ends lines; it may be
 // changed, and lives until text_file_close. NULL: there is none.
-char *text_file_line(struct text_file *t);
+char *text_file_line(struct text_file *file);
 
 // How many lines are left, comments included: room for what they hold.
-size_t text_file_lines_left(const struct text_file *t);
+size_t text_file_lines_left(const struct text_file *file);
 
-void text_file_close(struct text_file *t);
+void text_file_close(struct text_file *file);

@@ -31,10 +31,10 @@ struct video_writer {
     int write_errno;              // why the file could not be written; 0: it could
 };
 
-static enum status failed(const struct video_writer *w, const char *what, int error)
+static enum status fail_encoding(const struct video_writer *writer, const char *what, int error)
 {
     char text[AV_ERROR_MAX_STRING_SIZE] = "";
-    const int cause = w->write_errno;
+    const int cause = writer->write_errno;
     if (cause == ENOSPC || cause == EDQUOT)
         return fail(ERR_IO, "the film could not be written: the disk is full");
     if (cause == EFBIG)
@@ -66,18 +66,18 @@ static int64_t seek_to(void *self, int64_t offset, int whence)
     return fseeko(w->out, offset, whence & ~AVSEEK_FORCE) ? AVERROR(EIO) : ftello(w->out);
 }
 
-static enum status open_codec(struct video_writer *w)
+static enum status open_codec(struct video_writer *writer)
 {
     const AVCodec *codec = ffmpeg->avcodec_find_encoder(AV_CODEC_ID_H264);
     if (!codec)
         codec = ffmpeg->avcodec_find_encoder(AV_CODEC_ID_MPEG4);
     if (!codec)
         return fail(ERR_INPUT, "FFmpeg's libraries have no encoder for H.264 or MPEG-4 here");
-    AVCodecContext *c = w->codec = ffmpeg->avcodec_alloc_context3(codec);
+    AVCodecContext *c = writer->codec = ffmpeg->avcodec_alloc_context3(codec);
     if (!c)
         return fail(ERR_MEMORY, "no memory for a film");
-    c->width = w->layout.width;
-    c->height = w->layout.height;
+    c->width = writer->layout.width;
+    c->height = writer->layout.height;
     c->pix_fmt = AV_PIX_FMT_YUV420P;
     // MPEG-4 part 2 takes no finer time base.
     c->time_base = (AVRational){1, codec->id == AV_CODEC_ID_H264 ? TICKS : 60000};
@@ -88,63 +88,63 @@ static enum status open_codec(struct video_writer *w)
         c->flags |= AV_CODEC_FLAG_QSCALE;
         c->global_quality = 3 * FF_QP2LAMBDA;
     }
-    if (w->format->oformat->flags & AVFMT_GLOBALHEADER)
+    if (writer->format->oformat->flags & AVFMT_GLOBALHEADER)
         c->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
     // An encoder other than x264 has other options; these are then not taken.
     ffmpeg->av_opt_set(c->priv_data, "crf", QUALITY, 0);
     ffmpeg->av_opt_set(c->priv_data, "preset", SPEED, 0);
     const int error = ffmpeg->avcodec_open2(c, codec, NULL);
-    return error < 0 ? failed(w, "encoder", error) : OK;
+    return error < 0 ? fail_encoding(writer, "encoder", error) : OK;
 }
 
-static enum status open_stream(struct video_writer *w)
+static enum status open_stream(struct video_writer *writer)
 {
-    w->stream = ffmpeg->avformat_new_stream(w->format, NULL);
-    if (!w->stream)
+    writer->stream = ffmpeg->avformat_new_stream(writer->format, NULL);
+    if (!writer->stream)
         return fail(ERR_MEMORY, "no memory for a film");
-    w->stream->time_base = w->codec->time_base;
-    int error = ffmpeg->avcodec_parameters_from_context(w->stream->codecpar, w->codec);
+    writer->stream->time_base = writer->codec->time_base;
+    int error = ffmpeg->avcodec_parameters_from_context(writer->stream->codecpar, writer->codec);
     AVDictionary *options = NULL;
-    if (error >= 0 && !w->layout.seekable)
+    if (error >= 0 && !writer->layout.seekable)
         error = ffmpeg->av_dict_set(&options, "movflags", "frag_keyframe+empty_moov+default_base_moof", 0);
     if (error >= 0)
-        error = ffmpeg->avformat_write_header(w->format, &options);
+        error = ffmpeg->avformat_write_header(writer->format, &options);
     ffmpeg->av_dict_free(&options);
-    w->begun = error >= 0;
-    return error < 0 ? failed(w, "header", error) : OK;
+    writer->begun = error >= 0;
+    return error < 0 ? fail_encoding(writer, "header", error) : OK;
 }
 
-static enum status open_images(struct video_writer *w)
+static enum status open_images(struct video_writer *writer)
 {
-    w->packet = ffmpeg->av_packet_alloc();
-    w->frame = ffmpeg->av_frame_alloc();
-    if (w->frame) {
-        w->frame->format = AV_PIX_FMT_YUV420P;
-        w->frame->width = w->layout.width;
-        w->frame->height = w->layout.height;
+    writer->packet = ffmpeg->av_packet_alloc();
+    writer->frame = ffmpeg->av_frame_alloc();
+    if (writer->frame) {
+        writer->frame->format = AV_PIX_FMT_YUV420P;
+        writer->frame->width = writer->layout.width;
+        writer->frame->height = writer->layout.height;
     }
-    w->convert =
-        ffmpeg->sws_getContext(w->layout.width, w->layout.height, AV_PIX_FMT_RGB24, w->layout.width, w->layout.height,
-                               AV_PIX_FMT_YUV420P, SWS_BILINEAR | SWS_ACCURATE_RND, NULL, NULL, NULL);
-    if (!w->packet || !w->frame || !w->convert || ffmpeg->av_frame_get_buffer(w->frame, 0) < 0)
+    writer->convert = ffmpeg->sws_getContext(writer->layout.width, writer->layout.height, AV_PIX_FMT_RGB24,
+                                             writer->layout.width, writer->layout.height, AV_PIX_FMT_YUV420P,
+                                             SWS_BILINEAR | SWS_ACCURATE_RND, NULL, NULL, NULL);
+    if (!writer->packet || !writer->frame || !writer->convert || ffmpeg->av_frame_get_buffer(writer->frame, 0) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
     return OK;
 }
 
-static enum status open_container(struct video_writer *w)
+static enum status open_container(struct video_writer *writer)
 {
     uint8_t *buffer = ffmpeg->av_malloc(IO_BYTES);
     if (buffer)
-        w->io =
-            ffmpeg->avio_alloc_context(buffer, IO_BYTES, 1, w, NULL, write_bytes, w->layout.seekable ? seek_to : NULL);
-    if (!w->io) {
+        writer->io = ffmpeg->avio_alloc_context(buffer, IO_BYTES, 1, writer, NULL, write_bytes,
+                                                writer->layout.seekable ? seek_to : NULL);
+    if (!writer->io) {
         ffmpeg->av_free(buffer);
         return fail(ERR_MEMORY, "no memory for a film");
     }
-    if (ffmpeg->avformat_alloc_output_context2(&w->format, NULL, "mp4", NULL) < 0)
+    if (ffmpeg->avformat_alloc_output_context2(&writer->format, NULL, "mp4", NULL) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
-    w->format->pb = w->io;
-    w->format->flags |= AVFMT_FLAG_BITEXACT; // no date, no version: the same take gives the same bytes
+    writer->format->pb = writer->io;
+    writer->format->flags |= AVFMT_FLAG_BITEXACT; // no date, no version: the same take gives the same bytes
     return OK;
 }
 
@@ -179,22 +179,22 @@ enum status video_open(struct video_writer **out, FILE *file, const struct video
 }
 
 // Hands a frame to the encoder, NULL: the end, and writes what it gives.
-static enum status encode(struct video_writer *w, const AVFrame *frame)
+static enum status encode_frame(struct video_writer *writer, const AVFrame *frame)
 {
-    int error = ffmpeg->avcodec_send_frame(w->codec, frame);
+    int error = ffmpeg->avcodec_send_frame(writer->codec, frame);
     while (error >= 0) {
-        error = ffmpeg->avcodec_receive_packet(w->codec, w->packet);
+        error = ffmpeg->avcodec_receive_packet(writer->codec, writer->packet);
         if (error == AVERROR(EAGAIN) || error == AVERROR_EOF)
             return OK;
         if (error < 0)
             break;
         // For the last image, which no other one ends.
-        w->packet->duration = w->step_ticks ? w->step_ticks : w->codec->time_base.den / 30;
-        ffmpeg->av_packet_rescale_ts(w->packet, w->codec->time_base, w->stream->time_base);
-        w->packet->stream_index = w->stream->index;
-        error = ffmpeg->av_interleaved_write_frame(w->format, w->packet);
+        writer->packet->duration = writer->step_ticks ? writer->step_ticks : writer->codec->time_base.den / 30;
+        ffmpeg->av_packet_rescale_ts(writer->packet, writer->codec->time_base, writer->stream->time_base);
+        writer->packet->stream_index = writer->stream->index;
+        error = ffmpeg->av_interleaved_write_frame(writer->format, writer->packet);
     }
-    return failed(w, "images", error);
+    return fail_encoding(writer, "images", error);
 }
 
 enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_ns)
@@ -218,7 +218,7 @@ enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_n
     if (w->last_ticks >= 0 && (!w->step_ticks || ticks - w->last_ticks < w->step_ticks))
         w->step_ticks = ticks - w->last_ticks;
     w->frame->pts = w->last_ticks = ticks;
-    return encode(w, w->frame);
+    return encode_frame(w, w->frame);
 }
 
 enum status video_close(struct video_writer **out, enum status status)
@@ -228,11 +228,11 @@ enum status video_close(struct video_writer **out, enum status status)
         return status;
     *out = NULL;
     if (status == OK)
-        status = encode(w, NULL);
+        status = encode_frame(w, NULL);
     if (w->begun) {
         const int error = ffmpeg->av_write_trailer(w->format); // also after an error: it frees what the muxer holds
         if (error < 0 && status == OK)
-            status = failed(w, "end", error);
+            status = fail_encoding(w, "end", error);
     }
     struct failure first;
     failure_keep(&first, status);

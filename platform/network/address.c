@@ -5,7 +5,7 @@
 #include <string.h>
 
 // Where USER:PASSWORD@HOST begins, as libcurl sees it: after SCHEME: and one to three slashes, or after two.
-static size_t authority(const char *address)
+static size_t authority_start(const char *address)
 {
     size_t at = 0;
     while (isalnum((unsigned char)address[at]) || (at && address[at] && strchr("+-.", address[at])))
@@ -17,7 +17,7 @@ static size_t authority(const char *address)
 
 void address_hide_user(char *address)
 {
-    char *begin = address + authority(address), *host = begin;
+    char *begin = address + authority_start(address), *host = begin;
     const char *end = begin + strcspn(begin, "/?#\\");
     for (char *at = begin; at < end; at++)
         if (*at == '@')
@@ -30,9 +30,9 @@ const char *address_shown(const char *address, char out[ADDRESS_SHOWN_BYTES])
     char whole[4096];
     snprintf(whole, sizeof whole, "%s", address); // before it is cut: what is cut off may hold the @
     address_hide_user(whole);
-    const size_t from = authority(whole), length = strcspn(whole + from, "?") + from;
-    const size_t most = ADDRESS_SHOWN_BYTES - 8; // the rest is for the signs behind it
-    const size_t shown = length < most ? length : most;
+    const size_t from = authority_start(whole), length = strcspn(whole + from, "?") + from;
+    const size_t max = ADDRESS_SHOWN_BYTES - 8; // the rest is for the signs behind it
+    const size_t shown = length < max ? length : max;
     const char *left_out = whole[length] ? "?…" : "";
     snprintf(out, ADDRESS_SHOWN_BYTES, "%.*s%s", (int)shown, whole, shown < length ? "…" : left_out);
     return out;

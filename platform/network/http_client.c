@@ -14,7 +14,7 @@ struct http_limits http_default_limits(void) { return (struct http_limits){3000,
 #include <curl/curl.h>
 #include <pthread.h>
 
-enum { ADDRESS_MOST = 2048 }; // bytes, with the 0 at the end
+enum { ADDRESS_MAX = 2048 }; // bytes, with the 0 at the end
 
 static void start_curl(void) { curl_global_init(CURL_GLOBAL_DEFAULT); }
 
@@ -129,13 +129,14 @@ enum status http_resolve(const char *base, const char *reference, char *out, siz
     return status;
 }
 
-static enum status transfer_error(CURLcode code, const struct transfer *t, const char *address, const char *detail)
+static enum status transfer_error(CURLcode code, const struct transfer *transfer, const char *address,
+                                  const char *detail)
 {
     char url[ADDRESS_SHOWN_BYTES];
     address_shown(address, url);
-    if (t->too_large || code == CURLE_FILESIZE_EXCEEDED)
-        return fail(ERR_INPUT, "%s is larger than %zu bytes", url, t->most);
-    if (t->no_memory || code == CURLE_OUT_OF_MEMORY)
+    if (transfer->too_large || code == CURLE_FILESIZE_EXCEEDED)
+        return fail(ERR_INPUT, "%s is larger than %zu bytes", url, transfer->most);
+    if (transfer->no_memory || code == CURLE_OUT_OF_MEMORY)
         return fail(ERR_MEMORY, "no memory to read %s", url);
     switch (code) {
     case CURLE_OPERATION_TIMEDOUT: return fail(ERR_IO, "%s does not answer in time", url);
@@ -149,45 +150,45 @@ static enum status transfer_error(CURLcode code, const struct transfer *t, const
     }
 }
 
-static void set_limits(CURL *c, const struct http_limits *l)
+static void set_limits(CURL *c, const struct http_limits *limits)
 {
-    curl_easy_setopt(c, CURLOPT_CONNECTTIMEOUT_MS, (long)l->connect_ms);
-    curl_easy_setopt(c, CURLOPT_TIMEOUT_MS, (long)l->total_ms);
-    curl_easy_setopt(c, CURLOPT_MAXFILESIZE_LARGE, (curl_off_t)l->most_bytes);
+    curl_easy_setopt(c, CURLOPT_CONNECTTIMEOUT_MS, (long)limits->connect_ms);
+    curl_easy_setopt(c, CURLOPT_TIMEOUT_MS, (long)limits->total_ms);
+    curl_easy_setopt(c, CURLOPT_MAXFILESIZE_LARGE, (curl_off_t)limits->most_bytes);
     curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "http,https");
     curl_easy_setopt(c, CURLOPT_FOLLOWLOCATION, 0L);
     curl_easy_setopt(c, CURLOPT_NOSIGNAL, 1L);
-    if (l->authorities)
-        curl_easy_setopt(c, CURLOPT_CAINFO, l->authorities);
+    if (limits->authorities)
+        curl_easy_setopt(c, CURLOPT_CAINFO, limits->authorities);
 }
 
 // One request without redirects. *next: where the server redirects to, "" for nowhere. On a copy of the handle: libcurl
 // 7.88 appends an answer's header that begins with white space to the last one of the handle's answer before, which is
 // freed.
-static enum status request(CURL *given, const char *url, const struct http_limits *limits, struct transfer *t,
-                           long *code, char next[ADDRESS_MOST])
+static enum status send_request(CURL *given, const char *url, const struct http_limits *limits,
+                                struct transfer *transfer, long *code, char next[ADDRESS_MAX])
 {
     char detail[CURL_ERROR_SIZE] = "";
     char *redirect = NULL;
     CURL *c = curl_easy_duphandle(given);
     if (!c)
         return fail(ERR_MEMORY, "no memory to read %s", address_shown(url, detail));
-    free(t->answer->body);
-    *t->answer = (struct http_answer){0};
-    t->capacity = 0;
+    free(transfer->answer->body);
+    *transfer->answer = (struct http_answer){0};
+    transfer->capacity = 0;
     set_limits(c, limits);
     curl_easy_setopt(c, CURLOPT_URL, url);
     curl_easy_setopt(c, CURLOPT_ERRORBUFFER, detail);
     curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, take_body);
-    curl_easy_setopt(c, CURLOPT_WRITEDATA, t);
+    curl_easy_setopt(c, CURLOPT_WRITEDATA, transfer);
     curl_easy_setopt(c, CURLOPT_HEADERFUNCTION, take_header);
-    curl_easy_setopt(c, CURLOPT_HEADERDATA, t);
+    curl_easy_setopt(c, CURLOPT_HEADERDATA, transfer);
     const CURLcode result = curl_easy_perform(c);
-    enum status status = result == CURLE_OK ? OK : transfer_error(result, t, url, detail);
+    enum status status = result == CURLE_OK ? OK : transfer_error(result, transfer, url, detail);
     next[0] = 0;
     curl_easy_getinfo(c, CURLINFO_RESPONSE_CODE, code);
     curl_easy_getinfo(c, CURLINFO_REDIRECT_URL, &redirect);
-    if (status == OK && redirect && snprintf(next, ADDRESS_MOST, "%s", redirect) >= ADDRESS_MOST)
+    if (status == OK && redirect && snprintf(next, ADDRESS_MAX, "%s", redirect) >= ADDRESS_MAX)
         status = fail(ERR_INPUT, "%s redirects to an address that is too long", address_shown(url, detail));
     curl_easy_cleanup(c);
     return status;
@@ -203,18 +204,19 @@ static enum status server_error(long code, const char *url)
     }
 }
 
-enum { MOST_REDIRECTS = 3 }; // within the server
+enum { MAX_REDIRECTS = 3 }; // within the server
 
-static enum status follow(CURL *c, const char *url, const struct http_limits *limits, struct transfer *t)
+static enum status follow_redirects(CURL *c, const char *url, const struct http_limits *limits,
+                                    struct transfer *transfer)
 {
-    char at[ADDRESS_MOST], next[ADDRESS_MOST], shown[ADDRESS_SHOWN_BYTES];
+    char at[ADDRESS_MAX], next[ADDRESS_MAX], shown[ADDRESS_SHOWN_BYTES];
     long code = 0;
     address_shown(url, shown);
     if ((size_t)snprintf(at, sizeof at, "%s", url) >= sizeof at)
         return fail(ERR_INPUT, "the address %s is too long", shown);
     address_hide_user(at);
-    for (int i = 0; i <= MOST_REDIRECTS; i++) {
-        enum status status = request(c, at, limits, t, &code, next);
+    for (int i = 0; i <= MAX_REDIRECTS; i++) {
+        enum status status = send_request(c, at, limits, transfer, &code, next);
         if (status != OK)
             return status;
         if (!next[0])
@@ -222,11 +224,11 @@ static enum status follow(CURL *c, const char *url, const struct http_limits *li
         address_hide_user(next);
         if (!is_web(next) || !same_server(at, next))
             return fail(ERR_INPUT, "%s redirects to another server (scheme, host or port)", shown);
-        if (i == MOST_REDIRECTS)
-            return fail(ERR_INPUT, "%s redirects more than %d times", shown, MOST_REDIRECTS);
+        if (i == MAX_REDIRECTS)
+            return fail(ERR_INPUT, "%s redirects more than %d times", shown, MAX_REDIRECTS);
         snprintf(at, sizeof at, "%s", next);
     }
-    t->answer->unchanged = code == 304;
+    transfer->answer->unchanged = code == 304;
     return code == 200 || code == 304 ? OK : server_error(code, shown);
 }
 
@@ -266,7 +268,7 @@ enum status http_get(const char *url, const char *etag, const struct http_limits
     if (status == OK) {
         log_in(c, url, limits->login ? limits->login : url);
         curl_easy_setopt(c, CURLOPT_HTTPHEADER, headers);
-        status = follow(c, url, limits, &t);
+        status = follow_redirects(c, url, limits, &t);
     }
     if (c)
         curl_easy_cleanup(c);

@@ -107,19 +107,19 @@ enum ros_guard_word ros_guard_beat(struct ros_guard *g)
     return got == 0 || (errno != EAGAIN && errno != EINTR) ? GUARD_GONE : said;
 }
 
-void ros_guard_end(struct ros_guard **g)
+void ros_guard_end(struct ros_guard **guard)
 {
     const char farewell = GUARD_BYTE_FAREWELL;
-    if (!*g)
+    if (!*guard)
         return;
-    (void)send((*g)->channel, &farewell, 1, MSG_NOSIGNAL | MSG_DONTWAIT);
-    close((*g)->channel);
+    (void)send((*guard)->channel, &farewell, 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+    close((*guard)->channel);
     const int64_t until_ns = clock_now_ns() + END_MS * 1000000LL;
-    while (waitpid((*g)->process, NULL, WNOHANG) == 0) {
+    while (waitpid((*guard)->process, NULL, WNOHANG) == 0) {
         if (clock_now_ns() > until_ns)
-            kill((*g)->process, SIGKILL);
+            kill((*guard)->process, SIGKILL);
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     }
-    free(*g);
-    *g = NULL;
+    free(*guard);
+    *guard = NULL;
 }

@@ -8,17 +8,15 @@ extern "C" {
 #pragma GCC diagnostic pop
 
 #ifdef REENACT_ROS
-#include <geometry_msgs/Twist.h>
-#include <ros/ros.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <exception>
-#include <string>
-
+#include <geometry_msgs/Twist.h>
 #include <poll.h>
+#include <ros/ros.h>
+#include <string>
 #include <sys/socket.h>
 #include <unistd.h>
 

@@ -2,32 +2,32 @@
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic" // C headers: compound literals
 extern "C" {
+#include "platform/network/ros_robot.h"
+
 #include "platform/files/jpeg.h"
 #include "platform/network/ros_guard.h"
-#include "platform/network/ros_robot.h"
 }
 #include "base/pixels.h"
 #pragma GCC diagnostic pop
 
 #ifdef REENACT_ROS
-#include <geometry_msgs/Twist.h>
-#include <nav_msgs/Odometry.h>
-#include <ros/callback_queue.h>
-#include <ros/ros.h>
-#include <sensor_msgs/CompressedImage.h>
-#include <sensor_msgs/Image.h>
-#include <tf2/buffer_core.h>
-#include <tf2/exceptions.h>
-#include <tf2_msgs/TFMessage.h>
-
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
+#include <geometry_msgs/Twist.h>
 #include <mutex>
+#include <nav_msgs/Odometry.h>
 #include <new>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
 #include <string>
+#include <tf2/buffer_core.h>
+#include <tf2/exceptions.h>
+#include <tf2_msgs/TFMessage.h>
 #include <thread>
 #include <vector>
 

@@ -17,19 +17,19 @@ static int min_int(int a, int b) { return a < b ? a : b; }
 static int max_int(int a, int b) { return a > b ? a : b; }
 
 // Limits drawing to the box and extends the area that the next clear has to cover.
-static void set_scissor(struct gpu_target *t, const struct gpu_box *box)
+static void set_scissor(struct gpu_target *target, const struct gpu_box *box)
 {
     if (!box->width) {
-        gpu_target_mark_drawn(t);
+        gpu_target_mark_drawn(target);
         return;
     }
-    const int left = max_int(box->left, 0), right = max_int(left, min_int(box->left + box->width, t->width));
-    const int top = max_int(box->top, 0), bottom = max_int(top, min_int(box->top + box->height, t->height));
-    const bool cleared = t->right <= t->left;
-    t->left = cleared ? left : min_int(t->left, left);
-    t->top = cleared ? top : min_int(t->top, top);
-    t->right = max_int(t->right, right);
-    t->bottom = max_int(t->bottom, bottom);
+    const int left = max_int(box->left, 0), right = max_int(left, min_int(box->left + box->width, target->width));
+    const int top = max_int(box->top, 0), bottom = max_int(top, min_int(box->top + box->height, target->height));
+    const bool cleared = target->right <= target->left;
+    target->left = cleared ? left : min_int(target->left, left);
+    target->top = cleared ? top : min_int(target->top, top);
+    target->right = max_int(target->right, right);
+    target->bottom = max_int(target->bottom, bottom);
     glEnable(GL_SCISSOR_TEST);
     glScissor(left, top, right - left, bottom - top);
 }
@@ -104,9 +104,9 @@ static bool lists_format(EGLDisplay display, EGLint wanted)
     return false;
 }
 
-bool gpu_can_import(struct gpu *g)
+bool gpu_can_import(struct gpu *gpu)
 {
-    gpu_make_current(g);
+    gpu_make_current(gpu);
     EGLDisplay display = eglGetCurrentDisplay();
     const char *extensions = display == EGL_NO_DISPLAY ? NULL : eglQueryString(display, EGL_EXTENSIONS);
     if (!gpu_has_extension(extensions, "EGL_EXT_image_dma_buf_import") ||
@@ -119,20 +119,20 @@ bool gpu_can_import(struct gpu *g)
             lists_format(display, drm_format(GPU_RGBA8)));
 }
 
-static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const struct gpu_dmabuf *memory)
+static enum status bind_image(struct gpu_texture *texture, EGLDisplay display, const struct gpu_dmabuf *memory)
 {
     PFNEGLCREATEIMAGEKHRPROC create = (PFNEGLCREATEIMAGEKHRPROC)eglGetProcAddress("eglCreateImageKHR");
     PFNEGLDESTROYIMAGEKHRPROC destroy = (PFNEGLDESTROYIMAGEKHRPROC)eglGetProcAddress("eglDestroyImageKHR");
     PFNGLEGLIMAGETARGETTEXTURE2DOESPROC use =
         (PFNGLEGLIMAGETARGETTEXTURE2DOESPROC)eglGetProcAddress("glEGLImageTargetTexture2DOES");
     if (!create || !destroy || !use)
-        return fail(ERR_DEVICE, "the graphics driver (%s) cannot import memory", t->g->renderer);
+        return fail(ERR_DEVICE, "the graphics driver (%s) cannot import memory", texture->g->renderer);
     const EGLint what[] = {EGL_WIDTH,
-                           t->width,
+                           texture->width,
                            EGL_HEIGHT,
-                           t->height,
+                           texture->height,
                            EGL_LINUX_DRM_FOURCC_EXT,
-                           drm_format(t->format),
+                           drm_format(texture->format),
                            EGL_DMA_BUF_PLANE0_FD_EXT,
                            memory->file,
                            EGL_DMA_BUF_PLANE0_OFFSET_EXT,
@@ -142,14 +142,14 @@ static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const s
                            EGL_NONE};
     EGLImageKHR image = create(display, EGL_NO_CONTEXT, EGL_LINUX_DMA_BUF_EXT, NULL, what);
     if (image == EGL_NO_IMAGE_KHR)
-        return fail(ERR_DEVICE, "the graphics driver (%s) cannot read the memory (EGL error 0x%x)", t->g->renderer,
-                    eglGetError());
-    glBindTexture(GL_TEXTURE_2D, t->id);
+        return fail(ERR_DEVICE, "the graphics driver (%s) cannot read the memory (EGL error 0x%x)",
+                    texture->g->renderer, eglGetError());
+    glBindTexture(GL_TEXTURE_2D, texture->id);
     use(GL_TEXTURE_2D, image);
     destroy(display, image); // the texture keeps its own reference
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    return gpu_check(t->g);
+    return gpu_check(texture->g);
 }
 
 enum status gpu_texture_import(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width, int height,
@@ -198,21 +198,21 @@ enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g)
     return OK;
 }
 
-bool gpu_fence_passed(struct gpu_fence *f, bool wait)
+bool gpu_fence_passed(struct gpu_fence *fence, bool wait)
 {
-    gpu_make_current(f->g);
-    GLenum result = glClientWaitSync(f->sync, GL_SYNC_FLUSH_COMMANDS_BIT, wait ? 1000000000 : 0);
+    gpu_make_current(fence->g);
+    GLenum result = glClientWaitSync(fence->sync, GL_SYNC_FLUSH_COMMANDS_BIT, wait ? 1000000000 : 0);
     return result != GL_TIMEOUT_EXPIRED;
 }
 
-void gpu_fence_close(struct gpu_fence **f)
+void gpu_fence_close(struct gpu_fence **fence)
 {
-    if (!*f)
+    if (!*fence)
         return;
-    gpu_make_current((*f)->g);
-    glDeleteSync((*f)->sync);
-    free(*f);
-    *f = NULL;
+    gpu_make_current((*fence)->g);
+    glDeleteSync((*fence)->sync);
+    free(*fence);
+    *fence = NULL;
 }
 
 // ---------------------------------------------------------------- gpu target
@@ -220,12 +220,12 @@ void gpu_fence_close(struct gpu_fence **f)
 // Render targets of gpu.h: framebuffers with their textures.
 
 // A depth texture of 16 or 24 bit, attached to the framebuffer that is bound.
-static void attach_depth_texture(struct gpu_target *t, struct gpu_texture *texture, int bits)
+static void attach_depth_texture(struct gpu_target *target, struct gpu_texture *texture, int bits)
 {
     glGenTextures(1, &texture->id);
     glBindTexture(GL_TEXTURE_2D, texture->id);
-    glTexImage2D(GL_TEXTURE_2D, 0, bits == 16 ? GL_DEPTH_COMPONENT16 : GL_DEPTH_COMPONENT24, t->width, t->height, 0,
-                 GL_DEPTH_COMPONENT, bits == 16 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT, NULL);
+    glTexImage2D(GL_TEXTURE_2D, 0, bits == 16 ? GL_DEPTH_COMPONENT16 : GL_DEPTH_COMPONENT24, target->width,
+                 target->height, 0, GL_DEPTH_COMPONENT, bits == 16 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT, NULL);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
@@ -235,63 +235,64 @@ static void attach_depth_texture(struct gpu_target *t, struct gpu_texture *textu
     glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, texture->id, 0);
 }
 
-static enum status make_shadow_map(struct gpu_target *t)
+static enum status make_shadow_map(struct gpu_target *target)
 {
-    if (t->width > t->g->max_size || t->height > t->g->max_size)
-        return gpu_fail_too_large(t->g, t->width, t->height);
-    attach_depth_texture(t, &t->texture, 16);
+    if (target->width > target->g->max_size || target->height > target->g->max_size)
+        return gpu_fail_too_large(target->g, target->width, target->height);
+    attach_depth_texture(target, &target->texture, 16);
     glDrawBuffers(1, &(const GLenum){GL_NONE});
     glReadBuffer(GL_NONE);
-    return gpu_check(t->g);
+    return gpu_check(target->g);
 }
 
-static enum status make_color_texture(struct gpu_target *t)
+static enum status make_color_texture(struct gpu_target *target)
 {
-    enum status status = gpu_make_texture(&t->texture, GPU_NEAREST, NULL);
+    enum status status = gpu_make_texture(&target->texture, GPU_NEAREST, NULL);
     if (status == OK)
-        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t->texture.id, 0);
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target->texture.id, 0);
     return status;
 }
 
-static enum status make_target(struct gpu_target *t)
+static enum status make_target(struct gpu_target *target)
 {
-    glGenFramebuffers(1, &t->framebuffer);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
-    enum status status = t->kind == GPU_TARGET_DEPTH ? make_shadow_map(t) : make_color_texture(t);
+    glGenFramebuffers(1, &target->framebuffer);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    enum status status = target->kind == GPU_TARGET_DEPTH ? make_shadow_map(target) : make_color_texture(target);
     if (status != OK)
         return status;
-    if (t->kind == GPU_TARGET_COMPARABLE) {
-        attach_depth_texture(t, &t->depth_texture, 24);
-    } else if (t->kind == GPU_TARGET_COLOR_DEPTH) {
-        glGenRenderbuffers(1, &t->depth);
-        glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
-        glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, t->width, t->height);
-        glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, t->depth);
+    if (target->kind == GPU_TARGET_COMPARABLE) {
+        attach_depth_texture(target, &target->depth_texture, 24);
+    } else if (target->kind == GPU_TARGET_COLOR_DEPTH) {
+        glGenRenderbuffers(1, &target->depth);
+        glBindRenderbuffer(GL_RENDERBUFFER, target->depth);
+        glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, target->width, target->height);
+        glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, target->depth);
     }
-    status = gpu_check(t->g);
+    status = gpu_check(target->g);
     if (status == OK && glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
         status = fail(ERR_DEVICE, "the graphics driver (%s) cannot draw into an image of %d x %d pixels",
-                      t->g->renderer, t->width, t->height);
+                      target->g->renderer, target->width, target->height);
     return status;
 }
 
-static enum status open_target(struct gpu_target **out, struct gpu *g, enum gpu_target_kind kind, int width, int height)
+static enum status open_target(struct gpu_target **out, struct gpu *gpu, enum gpu_target_kind kind, int width,
+                               int height)
 {
     static const size_t bytes_a_pixel[] = {
         [GPU_TARGET_COLOR_DEPTH] = 8, [GPU_TARGET_COMPARABLE] = 8, [GPU_TARGET_COLOR] = 4, [GPU_TARGET_DEPTH] = 2};
     assert(width > 0 && height > 0);
     *out = NULL;
-    gpu_make_current(g);
+    gpu_make_current(gpu);
     struct gpu_target *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "no memory for a render target");
-    *t = (struct gpu_target){.g = g,
+    *t = (struct gpu_target){.g = gpu,
                              .kind = kind,
                              .width = width,
                              .height = height,
                              .bytes = (size_t)width * (size_t)height * bytes_a_pixel[kind],
-                             .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
-    gpu_count_made(g, t->bytes);
+                             .texture = {.g = gpu, .format = GPU_RGBA8, .width = width, .height = height}};
+    gpu_count_made(gpu, t->bytes);
     enum status status = make_target(t);
     if (status != OK) {
         gpu_target_close(&t);
@@ -323,64 +324,64 @@ enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int wi
     return open_target(out, g, GPU_TARGET_DEPTH, width, height);
 }
 
-void gpu_target_close(struct gpu_target **t)
+void gpu_target_close(struct gpu_target **target)
 {
-    if (!*t)
+    if (!*target)
         return;
-    gpu_make_current((*t)->g);
-    (*t)->g->counts.bytes_held -= (*t)->bytes;
-    glDeleteFramebuffers(1, &(*t)->framebuffer);
-    glDeleteRenderbuffers(1, &(*t)->depth);
-    glDeleteTextures(1, &(*t)->texture.id);
-    glDeleteTextures(1, &(*t)->depth_texture.id);
-    free(*t);
-    *t = NULL;
+    gpu_make_current((*target)->g);
+    (*target)->g->counts.bytes_held -= (*target)->bytes;
+    glDeleteFramebuffers(1, &(*target)->framebuffer);
+    glDeleteRenderbuffers(1, &(*target)->depth);
+    glDeleteTextures(1, &(*target)->texture.id);
+    glDeleteTextures(1, &(*target)->depth_texture.id);
+    free(*target);
+    *target = NULL;
 }
 
-void gpu_target_mark_drawn(struct gpu_target *t)
+void gpu_target_mark_drawn(struct gpu_target *target)
 {
-    t->left = t->top = 0;
-    t->right = t->width, t->bottom = t->height;
+    target->left = target->top = 0;
+    target->right = target->width, target->bottom = target->height;
 }
 
 // A GPU clears a whole target at no cost per pixel, and then need not load its old contents. A software renderer clears
 // pixel by pixel: only the area that was drawn into.
-void gpu_target_clear(struct gpu_target *t)
+void gpu_target_clear(struct gpu_target *target)
 {
-    bool is_clear = t->right <= t->left || t->bottom <= t->top;
-    gpu_make_current(t->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
+    bool is_clear = target->right <= target->left || target->bottom <= target->top;
+    gpu_make_current(target->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
     glClearColor(0, 0, 0, 0);
     glClearDepthf(1);
     glDepthMask(GL_TRUE);
-    if (t->g->software_renderer) {
+    if (target->g->software_renderer) {
         glEnable(GL_SCISSOR_TEST);
-        glScissor(t->left, t->top, t->right - t->left, t->bottom - t->top);
+        glScissor(target->left, target->top, target->right - target->left, target->bottom - target->top);
     }
-    if (!is_clear || !t->g->software_renderer)
+    if (!is_clear || !target->g->software_renderer)
         glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     glDisable(GL_SCISSOR_TEST);
-    t->left = t->top = t->right = t->bottom = 0;
+    target->left = target->top = target->right = target->bottom = 0;
 }
 
-void gpu_target_resize(struct gpu_target *t, int width, int height)
+void gpu_target_resize(struct gpu_target *target, int width, int height)
 {
-    assert(width > 0 && height > 0 && width <= t->texture.width && height <= t->texture.height);
-    if (width == t->width && height == t->height)
+    assert(width > 0 && height > 0 && width <= target->texture.width && height <= target->texture.height);
+    if (width == target->width && height == target->height)
         return;
-    gpu_target_clear(t); // the old size may reach beyond the new one
-    t->width = t->texture.used_width = width;
-    t->height = t->texture.used_height = height;
+    gpu_target_clear(target); // the old size may reach beyond the new one
+    target->width = target->texture.used_width = width;
+    target->height = target->texture.used_height = height;
 }
 
-int gpu_target_width(const struct gpu_target *t) { return t->width; }
+int gpu_target_width(const struct gpu_target *target) { return target->width; }
 
-const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }
+const struct gpu_texture *gpu_target_texture(const struct gpu_target *target) { return &target->texture; }
 
-const struct gpu_texture *gpu_target_depth(const struct gpu_target *t)
+const struct gpu_texture *gpu_target_depth(const struct gpu_target *target)
 {
-    assert(t->kind == GPU_TARGET_COMPARABLE);
-    return &t->depth_texture;
+    assert(target->kind == GPU_TARGET_COMPARABLE);
+    return &target->depth_texture;
 }
 
 enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
@@ -396,10 +397,10 @@ enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 
 // ---------------------------------------------------------------- the context
 
-void gpu_make_current(const struct gpu *g)
+void gpu_make_current(const struct gpu *gpu)
 {
-    if (!g->adopted && eglGetCurrentContext() != g->context)
-        eglMakeCurrent(g->display, EGL_NO_SURFACE, EGL_NO_SURFACE, g->context);
+    if (!gpu->adopted && eglGetCurrentContext() != gpu->context)
+        eglMakeCurrent(gpu->display, EGL_NO_SURFACE, EGL_NO_SURFACE, gpu->context);
 }
 
 static const char *error_name(GLenum error)
@@ -459,35 +460,35 @@ static EGLDisplay find_display(void)
     return EGL_NO_DISPLAY;
 }
 
-static enum status make_context(struct gpu *g)
+static enum status make_context(struct gpu *gpu)
 {
-    g->display = find_display();
-    if (g->display == EGL_NO_DISPLAY)
+    gpu->display = find_display();
+    if (gpu->display == EGL_NO_DISPLAY)
         return fail(ERR_DEVICE, "no graphics driver answers (EGL error 0x%x); is Mesa's EGL installed?", eglGetError());
-    const char *extensions = eglQueryString(g->display, EGL_EXTENSIONS);
+    const char *extensions = eglQueryString(gpu->display, EGL_EXTENSIONS);
     if (!eglBindAPI(EGL_OPENGL_ES_API) || !gpu_has_extension(extensions, "EGL_KHR_surfaceless_context"))
         return fail(ERR_DEVICE, "the graphics driver cannot draw without a window; Mesa's can");
     // No surface is ever made, so any config that speaks ES 3 will do.
     const EGLint wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_ES3_BIT, EGL_SURFACE_TYPE, EGL_DONT_CARE, EGL_NONE};
     EGLConfig config;
     EGLint count = 0;
-    if (!eglChooseConfig(g->display, wanted, &config, 1, &count) || count < 1)
+    if (!eglChooseConfig(gpu->display, wanted, &config, 1, &count) || count < 1)
         return fail(ERR_DEVICE, "the graphics driver has no OpenGL ES 3");
     // With robustness the driver reports a reset of the GPU.
     const EGLint robust[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY_EXT,
                              EGL_LOSE_CONTEXT_ON_RESET_EXT, EGL_NONE};
     const EGLint plain[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_NONE};
-    g->context = EGL_NO_CONTEXT;
+    gpu->context = EGL_NO_CONTEXT;
     if (gpu_has_extension(extensions, "EGL_EXT_create_context_robustness"))
-        g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, robust);
-    if (g->context == EGL_NO_CONTEXT)
-        g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, plain);
-    if (g->context == EGL_NO_CONTEXT || !eglMakeCurrent(g->display, EGL_NO_SURFACE, EGL_NO_SURFACE, g->context))
+        gpu->context = eglCreateContext(gpu->display, config, EGL_NO_CONTEXT, robust);
+    if (gpu->context == EGL_NO_CONTEXT)
+        gpu->context = eglCreateContext(gpu->display, config, EGL_NO_CONTEXT, plain);
+    if (gpu->context == EGL_NO_CONTEXT || !eglMakeCurrent(gpu->display, EGL_NO_SURFACE, EGL_NO_SURFACE, gpu->context))
         return fail(ERR_DEVICE, "no OpenGL ES 3 context could be made (EGL error 0x%x)", eglGetError());
     return OK;
 }
 
-static enum status query_limits(struct gpu *g)
+static enum status query_limits(struct gpu *gpu)
 {
     GLint major = 0;
     glGetIntegerv(GL_MAJOR_VERSION, &major);
@@ -495,18 +496,18 @@ static enum status query_limits(struct gpu *g)
         return fail(ERR_DEVICE, "the graphics context is OpenGL ES %d, version 3 is needed", (int)major);
     GLint size = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    g->max_size = size;
+    gpu->max_size = size;
     const char *renderer = (const char *)glGetString(GL_RENDERER);
-    size_t length = renderer ? strnlen(renderer, sizeof g->renderer - 1) : 0;
+    size_t length = renderer ? strnlen(renderer, sizeof gpu->renderer - 1) : 0;
     if (length)
-        memcpy(g->renderer, renderer, length);
-    g->renderer[length] = 0;
-    g->software_renderer = strstr(g->renderer, "llvmpipe") || strstr(g->renderer, "softpipe");
+        memcpy(gpu->renderer, renderer, length);
+    gpu->renderer[length] = 0;
+    gpu->software_renderer = strstr(gpu->renderer, "llvmpipe") || strstr(gpu->renderer, "softpipe");
     const char *extensions = (const char *)glGetString(GL_EXTENSIONS);
     if (gpu_has_extension(extensions, "GL_KHR_robustness"))
-        g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusKHR");
+        gpu->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusKHR");
     else if (gpu_has_extension(extensions, "GL_EXT_robustness"))
-        g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusEXT");
+        gpu->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusEXT");
     // Rows without padding; no dithering, so that drivers give the same pixels.
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
@@ -541,34 +542,34 @@ static enum status open_as(struct gpu **out, bool adopted)
 enum status gpu_open(struct gpu **out) { return open_as(out, false); }
 enum status gpu_adopt(struct gpu **out) { return open_as(out, true); }
 
-void gpu_close(struct gpu **g)
+void gpu_close(struct gpu **gpu)
 {
-    if (!*g)
+    if (!*gpu)
         return;
     // The display is shared within the process and may serve another context: it is not terminated.
-    if (!(*g)->adopted && (*g)->context != EGL_NO_CONTEXT) {
-        eglMakeCurrent((*g)->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
-        eglDestroyContext((*g)->display, (*g)->context);
+    if (!(*gpu)->adopted && (*gpu)->context != EGL_NO_CONTEXT) {
+        eglMakeCurrent((*gpu)->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+        eglDestroyContext((*gpu)->display, (*gpu)->context);
     }
-    free(*g);
-    *g = NULL;
+    free(*gpu);
+    *gpu = NULL;
 }
 
-const char *gpu_renderer(const struct gpu *g) { return g->renderer; }
-bool gpu_is_software(const struct gpu *g) { return g->software_renderer; }
-int gpu_max_size(const struct gpu *g) { return g->max_size; }
-struct gpu_counts gpu_get_counts(const struct gpu *g) { return g->counts; }
+const char *gpu_renderer(const struct gpu *gpu) { return gpu->renderer; }
+bool gpu_is_software(const struct gpu *gpu) { return gpu->software_renderer; }
+int gpu_max_size(const struct gpu *gpu) { return gpu->max_size; }
+struct gpu_counts gpu_get_counts(const struct gpu *gpu) { return gpu->counts; }
 
-void gpu_count_made(struct gpu *g, size_t bytes)
+void gpu_count_made(struct gpu *gpu, size_t bytes)
 {
-    g->counts.made++;
-    g->counts.bytes_held += bytes;
+    gpu->counts.made++;
+    gpu->counts.bytes_held += bytes;
 }
 
 // ---------------------------------------------------------------- programs
 
 // word: #defined after the first line; may be NULL.
-static enum status compile(GLuint *out, GLenum kind, const char *text, const char *word, const char *name)
+static enum status compile_shader(GLuint *out, GLenum kind, const char *text, const char *word, const char *name)
 {
     GLuint shader = glCreateShader(kind);
     const size_t version = strcspn(text, "\n");
@@ -589,32 +590,32 @@ static enum status compile(GLuint *out, GLenum kind, const char *text, const cha
                 name, log);
 }
 
-static enum status link_program(struct gpu_program *p, GLuint vertex, GLuint fragment, const char *name)
+static enum status link_program(struct gpu_program *program, GLuint vertex, GLuint fragment, const char *name)
 {
-    glAttachShader(p->id, vertex);
-    glAttachShader(p->id, fragment);
-    glLinkProgram(p->id);
+    glAttachShader(program->id, vertex);
+    glAttachShader(program->id, fragment);
+    glLinkProgram(program->id);
     GLint good = 0;
-    glGetProgramiv(p->id, GL_LINK_STATUS, &good);
+    glGetProgramiv(program->id, GL_LINK_STATUS, &good);
     if (good)
         return OK;
     char log[300] = "";
-    glGetProgramInfoLog(p->id, sizeof log, NULL, log);
+    glGetProgramInfoLog(program->id, sizeof log, NULL, log);
     return fail(ERR_DEVICE, "the shaders of '%s' do not link: %s", name, log);
 }
 
-static enum status find_inputs(struct gpu_program *p, const struct gpu_program_source *text)
+static enum status find_inputs(struct gpu_program *program, const struct gpu_program_source *text)
 {
-    glUseProgram(p->id);
+    glUseProgram(program->id);
     for (int i = 0; i < text->uniform_count; i++) {
         if (!text->uniforms[i])
             continue;
-        p->uniforms[i] = glGetUniformLocation(p->id, text->uniforms[i]);
-        if (p->uniforms[i] < 0)
+        program->uniforms[i] = glGetUniformLocation(program->id, text->uniforms[i]);
+        if (program->uniforms[i] < 0)
             return fail(ERR_DEVICE, "the shaders of '%s' have no uniform '%s'", text->name, text->uniforms[i]);
     }
     for (int i = 0; i < text->sampler_count; i++) {
-        GLint location = glGetUniformLocation(p->id, text->samplers[i]);
+        GLint location = glGetUniformLocation(program->id, text->samplers[i]);
         if (location < 0)
             return fail(ERR_DEVICE, "the shaders of '%s' have no sampler '%s'", text->name, text->samplers[i]);
         glUniform1i(location, i);
@@ -634,9 +635,9 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
     p->sampler_count = text->sampler_count;
     p->id = glCreateProgram();
     GLuint vertex = 0, fragment = 0;
-    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, text->word, text->name);
+    enum status status = compile_shader(&vertex, GL_VERTEX_SHADER, text->vertex, text->word, text->name);
     if (status == OK)
-        status = compile(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->word, text->name);
+        status = compile_shader(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->word, text->name);
     if (status == OK)
         status = link_program(p, vertex, fragment, text->name);
     glDeleteShader(vertex); // 0 is ignored; attached shaders are freed with the program
@@ -654,40 +655,40 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
     return OK;
 }
 
-void gpu_program_close(struct gpu_program **p)
+void gpu_program_close(struct gpu_program **program)
 {
-    if (!*p)
+    if (!*program)
         return;
-    gpu_make_current((*p)->g);
-    glDeleteProgram((*p)->id);
-    free(*p);
-    *p = NULL;
+    gpu_make_current((*program)->g);
+    glDeleteProgram((*program)->id);
+    free(*program);
+    *program = NULL;
 }
 
-void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int count)
+void gpu_program_set(struct gpu_program *program, int index, const float *vec4s, int count)
 {
     assert(index >= 0 && index < MAX_UNIFORMS);
-    gpu_make_current(p->g);
-    glUseProgram(p->id);
-    glUniform4fv(p->uniforms[index], count, vec4s);
+    gpu_make_current(program->g);
+    glUseProgram(program->id);
+    glUniform4fv(program->uniforms[index], count, vec4s);
 }
 
 // ---------------------------------------------------------------- textures
 
-static size_t texture_bytes(const struct gpu_texture *t)
+static size_t texture_bytes(const struct gpu_texture *texture)
 {
-    if (t->layers)
-        return t->bytes;
-    if (t->borrowed)
+    if (texture->layers)
+        return texture->bytes;
+    if (texture->borrowed)
         return 0;
-    const size_t pixel_bytes = t->format == GPU_RGB8 ? 4 : (size_t)t->format;
-    return (size_t)t->width * (size_t)t->height * pixel_bytes;
+    const size_t pixel_bytes = texture->format == GPU_RGB8 ? 4 : (size_t)texture->format;
+    return (size_t)texture->width * (size_t)texture->height * pixel_bytes;
 }
 
-static GLenum layout_of(const struct gpu_texture *t)
+static GLenum layout_of(const struct gpu_texture *texture)
 {
     static const GLenum layouts[] = {[GPU_R8] = GL_RED, [GPU_RG8] = GL_RG, [GPU_RGB8] = GL_RGB, [GPU_RGBA8] = GL_RGBA};
-    return layouts[t->format];
+    return layouts[texture->format];
 }
 
 enum status gpu_fail_too_large(const struct gpu *g, int width, int height)
@@ -733,28 +734,28 @@ enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, const stru
     return OK;
 }
 
-void gpu_texture_close(struct gpu_texture **t)
+void gpu_texture_close(struct gpu_texture **texture)
 {
-    if (!*t)
+    if (!*texture)
         return;
-    gpu_make_current((*t)->g);
-    glDeleteTextures(1, &(*t)->id);
-    (*t)->g->counts.bytes_held -= texture_bytes(*t);
-    free(*t);
-    *t = NULL;
+    gpu_make_current((*texture)->g);
+    glDeleteTextures(1, &(*texture)->id);
+    (*texture)->g->counts.bytes_held -= texture_bytes(*texture);
+    free(*texture);
+    *texture = NULL;
 }
 
-void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels)
+void gpu_texture_write_rows(struct gpu_texture *texture, int first, int count, const uint8_t *pixels)
 {
-    gpu_make_current(t->g);
-    t->g->counts.uploads++;
-    glBindTexture(GL_TEXTURE_2D, t->id);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, first, t->width, count, layout_of(t), GL_UNSIGNED_BYTE, pixels);
+    gpu_make_current(texture->g);
+    texture->g->counts.uploads++;
+    glBindTexture(GL_TEXTURE_2D, texture->id);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, first, texture->width, count, layout_of(texture), GL_UNSIGNED_BYTE, pixels);
 }
 
-void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
+void gpu_texture_write(struct gpu_texture *texture, const uint8_t *pixels)
 {
-    gpu_texture_write_rows(t, 0, t->height, pixels);
+    gpu_texture_write_rows(texture, 0, texture->height, pixels);
 }
 
 enum status gpu_texture_put(struct gpu_texture **t, struct gpu *g, const struct gpu_texture_layout *layout,
@@ -807,14 +808,14 @@ enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g, cons
     return status;
 }
 
-void gpu_texture_write_layer(struct gpu_texture *t, int layer, int width, int height, const void *values)
+void gpu_texture_write_layer(struct gpu_texture *texture, int layer, int width, int height, const void *values)
 {
-    assert(layer < t->layers && width <= t->width && height <= t->height);
-    gpu_make_current(t->g);
-    t->g->counts.uploads++;
-    glBindTexture(GL_TEXTURE_2D_ARRAY, t->id);
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, width, height, 1, array_formats[t->array_format].layout,
-                    array_formats[t->array_format].type, values);
+    assert(layer < texture->layers && width <= texture->width && height <= texture->height);
+    gpu_make_current(texture->g);
+    texture->g->counts.uploads++;
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->id);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, width, height, 1, array_formats[texture->array_format].layout,
+                    array_formats[texture->array_format].type, values);
 }
 
 // ---------------------------------------------------------------- meshes
@@ -861,34 +862,34 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu
     return OK;
 }
 
-void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count)
+void gpu_mesh_write_vertices(struct gpu_mesh *mesh, int first, const float *floats, int count)
 {
-    gpu_make_current(m->g);
-    m->g->counts.uploads++;
-    glBindBuffer(GL_ARRAY_BUFFER, m->vertices);
+    gpu_make_current(mesh->g);
+    mesh->g->counts.uploads++;
+    glBindBuffer(GL_ARRAY_BUFFER, mesh->vertices);
     glBufferSubData(GL_ARRAY_BUFFER, (GLintptr)sizeof(float) * first, (GLsizeiptr)sizeof(float) * count, floats);
 }
 
-void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count)
+void gpu_mesh_write_indices(struct gpu_mesh *mesh, int first, const uint16_t *indices, int count)
 {
-    gpu_make_current(m->g);
-    m->g->counts.uploads++;
-    glBindVertexArray(m->array); // the index buffer's binding belongs to it
-    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
+    gpu_make_current(mesh->g);
+    mesh->g->counts.uploads++;
+    glBindVertexArray(mesh->array); // the index buffer's binding belongs to it
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, mesh->indices);
     glBufferSubData(GL_ELEMENT_ARRAY_BUFFER, (GLintptr)sizeof(uint16_t) * first, (GLsizeiptr)sizeof(uint16_t) * count,
                     indices);
     glBindVertexArray(0);
 }
 
-void gpu_mesh_close(struct gpu_mesh **m)
+void gpu_mesh_close(struct gpu_mesh **mesh)
 {
-    if (!*m)
+    if (!*mesh)
         return;
-    gpu_make_current((*m)->g);
-    (*m)->g->counts.bytes_held -= (*m)->bytes;
-    glDeleteVertexArrays(1, &(*m)->array);
-    glDeleteBuffers(1, &(*m)->vertices);
-    glDeleteBuffers(1, &(*m)->indices);
-    free(*m);
-    *m = NULL;
+    gpu_make_current((*mesh)->g);
+    (*mesh)->g->counts.bytes_held -= (*mesh)->bytes;
+    glDeleteVertexArrays(1, &(*mesh)->array);
+    glDeleteBuffers(1, &(*mesh)->vertices);
+    glDeleteBuffers(1, &(*mesh)->indices);
+    free(*mesh);
+    *mesh = NULL;
 }

@@ -27,11 +27,11 @@ MUST_CHECK enum status gpu_open(struct gpu **out);
 // current and outlives the gpu. ERR_DEVICE: there is none, or it is no ES 3.
 MUST_CHECK enum status gpu_adopt(struct gpu **out);
 
-void gpu_close(struct gpu **g); // NULL is fine; sets *g = NULL. The same for all below
+void gpu_close(struct gpu **gpu); // NULL is fine; sets *gpu = NULL. The same for all below
 
-const char *gpu_renderer(const struct gpu *g); // the driver's GL_RENDERER string
-bool gpu_is_software(const struct gpu *g);     // the driver draws by the processor
-int gpu_max_size(const struct gpu *g);         // pixels, of a texture's or target's longer side
+const char *gpu_renderer(const struct gpu *gpu); // the driver's GL_RENDERER string
+bool gpu_is_software(const struct gpu *gpu);     // the driver draws by the processor
+int gpu_max_size(const struct gpu *gpu);         // pixels, of a texture's or target's longer side
 
 // Calls to the driver since the gpu was opened, and memory held now. gpu_draw2d.h is not counted.
 struct gpu_counts {
@@ -39,7 +39,7 @@ struct gpu_counts {
     int64_t made;           // programs, textures, meshes, targets
     size_t bytes_held;      // textures, meshes and targets; RGB counts four bytes a pixel, as GPUs store it
 };
-struct gpu_counts gpu_get_counts(const struct gpu *g);
+struct gpu_counts gpu_get_counts(const struct gpu *gpu);
 
 // ERR_DEVICE: the context was lost, or an error was raised since the last check.
 MUST_CHECK enum status gpu_check(struct gpu *g);
@@ -61,10 +61,10 @@ struct gpu_program_source {
 // locations 0 and up. ERR_DEVICE: it does not compile or link (the sentence has
 // the driver's log), or lacks one of the uniforms or samplers.
 MUST_CHECK enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_source *text);
-void gpu_program_close(struct gpu_program **p);
+void gpu_program_close(struct gpu_program **program);
 
 // Sets uniform `index` of gpu_program_source.uniforms to `count` vec4s. The program keeps them.
-void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int count);
+void gpu_program_set(struct gpu_program *program, int index, const float *vec4s, int count);
 
 // ---- textures: bytes that the shader reads as 0..1; coordinates are clamped to the edge
 enum gpu_format { GPU_R8 = 1, GPU_RG8 = 2, GPU_RGB8 = 3, GPU_RGBA8 = 4 }; // the value: bytes a pixel
@@ -77,14 +77,14 @@ struct gpu_texture_layout {
 // ERR_DEVICE: too large, or out of memory. pixels may be NULL: undefined until written.
 MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g,
                                         const struct gpu_texture_layout *layout, const uint8_t *pixels);
-void gpu_texture_close(struct gpu_texture **t);
+void gpu_texture_close(struct gpu_texture **texture);
 // Overwrites the whole texture, or `count` rows from row `first` on. Rows without padding.
-void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels);
+void gpu_texture_write(struct gpu_texture *texture, const uint8_t *pixels);
 // The same for pictures whose size may change: opens the texture where *t is NULL, and anew where its size or format is
 // not the layout's. Errors as gpu_texture_open; *t is NULL then.
 MUST_CHECK enum status gpu_texture_put(struct gpu_texture **t, struct gpu *g, const struct gpu_texture_layout *layout,
                                        const uint8_t *pixels);
-void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels);
+void gpu_texture_write_rows(struct gpu_texture *texture, int first, int count, const uint8_t *pixels);
 
 // Layers of one size, for a sampler2DArray: bytes read as 0..1, or numbers kept with 11 bits; filtered. Undefined until
 // written. ERR_DEVICE: too large, or out of memory.
@@ -97,7 +97,7 @@ MUST_CHECK enum status gpu_texture_open_array(struct gpu_texture **out, struct g
                                               const struct gpu_array_layout *layout);
 // Overwrites width x height values at a layer's top left: uint8_t[3], float or float[2] each, by the format. Rows
 // without padding.
-void gpu_texture_write_layer(struct gpu_texture *t, int layer, int width, int height, const void *values);
+void gpu_texture_write_layer(struct gpu_texture *texture, int layer, int width, int height, const void *values);
 
 // ---- meshes: triangles, three indices each
 struct gpu_mesh_data {
@@ -109,10 +109,10 @@ struct gpu_mesh_data {
 };
 // ERR_DEVICE: out of memory. The data are copied.
 MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data);
-void gpu_mesh_close(struct gpu_mesh **m);
+void gpu_mesh_close(struct gpu_mesh **mesh);
 // Overwrites `count` floats or indices from number `first` on.
-void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count);
-void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count);
+void gpu_mesh_write_vertices(struct gpu_mesh *mesh, int first, const float *floats, int count);
+void gpu_mesh_write_indices(struct gpu_mesh *mesh, int first, const uint16_t *indices, int count);
 
 // A rectangle of a target, in pixels. Width 0: the whole target.
 struct gpu_box {
@@ -129,18 +129,18 @@ MUST_CHECK enum status gpu_target_open_comparable(struct gpu_target **out, struc
 // not smaller than the reference.
 MUST_CHECK enum status gpu_target_open_color(struct gpu_target **out, struct gpu *g, int width, int height);
 MUST_CHECK enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height);
-void gpu_target_close(struct gpu_target **t);
+void gpu_target_close(struct gpu_target **target);
 // Sets the size that is drawn, at most that of opening, without allocating; a change of size clears the target. The
 // image takes up the top left of the texture, and gpu_draw2d.h draws that part of it; filtering at its last row and
 // column reaches half a pixel into the unused part.
-void gpu_target_resize(struct gpu_target *t, int width, int height);
-int gpu_target_width(const struct gpu_target *t); // the size in use
-void gpu_target_clear(struct gpu_target *t);      // to transparent black and depth 1
+void gpu_target_resize(struct gpu_target *target, int width, int height);
+int gpu_target_width(const struct gpu_target *target); // the size in use
+void gpu_target_clear(struct gpu_target *target);      // to transparent black and depth 1
 
 // The target's image as a texture, for a later job; belongs to the target.
-const struct gpu_texture *gpu_target_texture(const struct gpu_target *t);
+const struct gpu_texture *gpu_target_texture(const struct gpu_target *target);
 // The depth of a comparable target, a sampler2DShadow as a shadow map's; not for a job that draws into it.
-const struct gpu_texture *gpu_target_depth(const struct gpu_target *t);
+const struct gpu_texture *gpu_target_depth(const struct gpu_target *target);
 
 // rgba[width * height * 4], of the size in use. Waits for the GPU. ERR_DEVICE: rgba is undefined.
 MUST_CHECK enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba);
@@ -167,7 +167,7 @@ void gpu_draw(const struct gpu_job *job);
 // the GPU has finished reading it. Threads and errors as above.
 
 // Whether the driver offers the extensions and formats. A given buffer may still be refused by gpu_texture_import.
-bool gpu_can_import(struct gpu *g);
+bool gpu_can_import(struct gpu *gpu);
 
 struct gpu_dmabuf {
     int file;                // descriptor of the dma-buf; may be closed after gpu_texture_import
@@ -183,5 +183,5 @@ struct gpu_fence;
 MUST_CHECK enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g);
 // Whether all draws issued before the fence was opened are complete. wait: waits for that, at most a second. True for a
 // lost context.
-bool gpu_fence_passed(struct gpu_fence *f, bool wait);
-void gpu_fence_close(struct gpu_fence **f); // NULL is fine
+bool gpu_fence_passed(struct gpu_fence *fence, bool wait);
+void gpu_fence_close(struct gpu_fence **fence); // NULL is fine

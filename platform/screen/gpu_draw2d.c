@@ -1,4 +1,5 @@
 #include "platform/screen/gpu_draw2d.h"
+
 #include "platform/screen/gpu_internal.h"
 
 #include <stdlib.h>
@@ -68,25 +69,25 @@ enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct
 
 void gpu_draw2d_close(struct gpu_draw2d **out)
 {
-    struct gpu_draw2d *f = *out;
-    if (!f)
+    struct gpu_draw2d *draw2d = *out;
+    if (!draw2d)
         return;
-    gpu_program_close(&f->program); // makes the context current
-    glDeleteSamplers(1, &f->sampler);
-    glDeleteVertexArrays(1, &f->array);
-    glDeleteBuffers(1, &f->vertices);
-    glDeleteBuffers(1, &f->indices);
-    free(f);
+    gpu_program_close(&draw2d->program); // makes the context current
+    glDeleteSamplers(1, &draw2d->sampler);
+    glDeleteVertexArrays(1, &draw2d->array);
+    glDeleteBuffers(1, &draw2d->vertices);
+    glDeleteBuffers(1, &draw2d->indices);
+    free(draw2d);
     *out = NULL;
 }
 
 // ---------------------------------------------------------------- rotation
 
 // From a pixel of the upright image to a pixel of the output, both from the top left.
-static void rotate_point(const struct gpu_draw2d_view *v, float x, float y, float *right, float *down)
+static void rotate_point(const struct gpu_draw2d_view *view, float x, float y, float *right, float *down)
 {
-    float w = (float)v->width, h = (float)v->height;
-    switch (v->quarter_turns & 3) {
+    float w = (float)view->width, h = (float)view->height;
+    switch (view->quarter_turns & 3) {
     case 0: *right = x, *down = y; break;
     case 1: *right = h - y, *down = x; break;
     case 2: *right = w - x, *down = h - y; break;
@@ -94,65 +95,65 @@ static void rotate_point(const struct gpu_draw2d_view *v, float x, float y, floa
     }
 }
 
-static void output_size(const struct gpu_draw2d_view *v, int *width, int *height)
+static void output_size(const struct gpu_draw2d_view *view, int *width, int *height)
 {
-    bool across = v->quarter_turns & 1;
-    *width = across ? v->height : v->width;
-    *height = across ? v->width : v->height;
+    bool across = view->quarter_turns & 1;
+    *width = across ? view->height : view->width;
+    *height = across ? view->width : view->height;
 }
 
 // From upright pixels to clip space. The image's first row is the lowest row of a target in OpenGL's terms, and the
 // highest of the window.
-static void set_map(struct gpu_draw2d *f)
+static void set_map(struct gpu_draw2d *draw2d)
 {
     int width, height;
     float origin[2], along_x[2], along_y[2];
-    f->map[3] = f->map[7] = 0; // the texture's share: invalid until set_map_for()
-    output_size(&f->view, &width, &height);
-    rotate_point(&f->view, 0, 0, &origin[0], &origin[1]);
-    rotate_point(&f->view, 1, 0, &along_x[0], &along_x[1]);
-    rotate_point(&f->view, 0, 1, &along_y[0], &along_y[1]);
-    const float sx = 2 / (float)width, sy = (f->view.target ? 2 : -2) / (float)height;
+    draw2d->map[3] = draw2d->map[7] = 0; // the texture's share: invalid until set_map_for()
+    output_size(&draw2d->view, &width, &height);
+    rotate_point(&draw2d->view, 0, 0, &origin[0], &origin[1]);
+    rotate_point(&draw2d->view, 1, 0, &along_x[0], &along_x[1]);
+    rotate_point(&draw2d->view, 0, 1, &along_y[0], &along_y[1]);
+    const float sx = 2 / (float)width, sy = (draw2d->view.target ? 2 : -2) / (float)height;
     for (int row = 0; row < 2; row++) {
         float s = row ? sy : sx;
-        f->map[4 * row] = s * (along_x[row] - origin[row]);
-        f->map[4 * row + 1] = s * (along_y[row] - origin[row]);
-        f->map[4 * row + 2] = s * origin[row] + (row == 1 && !f->view.target ? 1 : -1);
+        draw2d->map[4 * row] = s * (along_x[row] - origin[row]);
+        draw2d->map[4 * row + 1] = s * (along_y[row] - origin[row]);
+        draw2d->map[4 * row + 2] = s * origin[row] + (row == 1 && !draw2d->view.target ? 1 : -1);
     }
 }
 
 // Sets the last entry of each row, the share of the texture in use.
-static void set_map_for(struct gpu_draw2d *f, const struct gpu_texture *t)
+static void set_map_for(struct gpu_draw2d *draw2d, const struct gpu_texture *texture)
 {
-    const float across = t->used_width ? (float)t->used_width / (float)t->width : 1;
-    const float down = t->used_height ? (float)t->used_height / (float)t->height : 1;
-    if (f->map[3] == across && f->map[7] == down)
+    const float across = texture->used_width ? (float)texture->used_width / (float)texture->width : 1;
+    const float down = texture->used_height ? (float)texture->used_height / (float)texture->height : 1;
+    if (draw2d->map[3] == across && draw2d->map[7] == down)
         return;
-    f->map[3] = across;
-    f->map[7] = down;
-    gpu_program_set(f->program, 0, f->map, 2);
+    draw2d->map[3] = across;
+    draw2d->map[7] = down;
+    gpu_program_set(draw2d->program, 0, draw2d->map, 2);
 }
 
-static void set_clip(const struct gpu_draw2d *f, const struct gpu_draw2d_batch *batch)
+static void set_clip(const struct gpu_draw2d *draw2d, const struct gpu_draw2d_batch *batch)
 {
     int width, height;
     float x0, y0, x1, y1;
-    output_size(&f->view, &width, &height);
-    rotate_point(&f->view, batch->left, batch->top, &x0, &y0);
-    rotate_point(&f->view, batch->right, batch->bottom, &x1, &y1);
+    output_size(&draw2d->view, &width, &height);
+    rotate_point(&draw2d->view, batch->left, batch->top, &x0, &y0);
+    rotate_point(&draw2d->view, batch->right, batch->bottom, &x1, &y1);
     GLint left = (GLint)(x0 < x1 ? x0 : x1), right = (GLint)(x0 < x1 ? x1 : x0);
     GLint top = (GLint)(y0 < y1 ? y0 : y1), bottom = (GLint)(y0 < y1 ? y1 : y0);
-    glScissor(left, f->view.target ? top : height - bottom, right - left, bottom - top);
+    glScissor(left, draw2d->view.target ? top : height - bottom, right - left, bottom - top);
 }
 
 // ---------------------------------------------------------------- drawing
 
-void gpu_draw2d_begin(struct gpu_draw2d *f, const struct gpu_draw2d_view *view)
+void gpu_draw2d_begin(struct gpu_draw2d *draw2d, const struct gpu_draw2d_view *view)
 {
     int width, height;
-    f->view = *view;
+    draw2d->view = *view;
     output_size(view, &width, &height);
-    gpu_make_current(f->g);
+    gpu_make_current(draw2d->g);
     glBindFramebuffer(GL_FRAMEBUFFER, view->target ? view->target->framebuffer : 0);
     if (view->target)
         gpu_target_mark_drawn(view->target);
@@ -162,21 +163,21 @@ void gpu_draw2d_begin(struct gpu_draw2d *f, const struct gpu_draw2d_view *view)
         glClearColor(view->clear[0], view->clear[1], view->clear[2], 1);
         glClear(GL_COLOR_BUFFER_BIT);
     }
-    set_map(f);
+    set_map(draw2d);
 }
 
-void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_list *list)
+void gpu_draw2d_draw(struct gpu_draw2d *draw2d, const struct gpu_draw2d_list *list)
 {
     glDisable(GL_CULL_FACE);
     glDisable(GL_DEPTH_TEST);
     glEnable(GL_SCISSOR_TEST);
     glEnable(GL_BLEND);
     glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
-    glUseProgram(f->program->id);
+    glUseProgram(draw2d->program->id);
     glActiveTexture(GL_TEXTURE0);
-    glBindSampler(0, f->sampler);
-    glBindVertexArray(f->array);
-    glBindBuffer(GL_ARRAY_BUFFER, f->vertices);
+    glBindSampler(0, draw2d->sampler);
+    glBindVertexArray(draw2d->array);
+    glBindBuffer(GL_ARRAY_BUFFER, draw2d->vertices);
     glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof *list->vertices * list->vertex_count, list->vertices,
                  GL_STREAM_DRAW);
     glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof *list->indices * list->index_count, list->indices,
@@ -188,8 +189,8 @@ void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_list *list)
             continue;
         if (batch->first_vertex != first_vertex)
             set_base_vertex(first_vertex = batch->first_vertex);
-        set_clip(f, batch);
-        set_map_for(f, batch->texture);
+        set_clip(draw2d, batch);
+        set_map_for(draw2d, batch->texture);
         glBindTexture(GL_TEXTURE_2D, batch->texture->id);
         glDrawElements(GL_TRIANGLES, batch->index_count, GL_UNSIGNED_SHORT,
                        (const void *)((size_t)batch->first_index * sizeof *list->indices));

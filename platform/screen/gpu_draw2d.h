@@ -48,8 +48,8 @@ struct gpu_draw2d_view {
 };
 
 // begin, any number of draws, end; without another job on the same context in between. The lists are copied.
-void gpu_draw2d_begin(struct gpu_draw2d *f, const struct gpu_draw2d_view *view);
-void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_list *list);
+void gpu_draw2d_begin(struct gpu_draw2d *draw2d, const struct gpu_draw2d_view *view);
+void gpu_draw2d_draw(struct gpu_draw2d *draw2d, const struct gpu_draw2d_list *list);
 MUST_CHECK enum status gpu_draw2d_end(struct gpu_draw2d *f); // ERR_DEVICE as gpu_check
 
 #ifdef __cplusplus

@@ -58,7 +58,7 @@ struct gpu_target {
     int left, top, right, bottom;     // bounds of what was drawn since the last clear; right <= left: nothing
 };
 
-void gpu_count_made(struct gpu *g, size_t bytes);
+void gpu_count_made(struct gpu *gpu, size_t bytes);
 
 // ERR_DEVICE with the sentence for a size beyond the driver's limit.
 MUST_CHECK enum status gpu_fail_too_large(const struct gpu *g, int width, int height);
@@ -67,10 +67,10 @@ MUST_CHECK enum status gpu_fail_too_large(const struct gpu *g, int width, int he
 MUST_CHECK enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels);
 
 // Marks all of the target as drawn into, for the next clear.
-void gpu_target_mark_drawn(struct gpu_target *t);
+void gpu_target_mark_drawn(struct gpu_target *target);
 
 // Makes the gpu's context current, unless it is already, or was adopted: then its owner keeps it current.
-void gpu_make_current(const struct gpu *g);
+void gpu_make_current(const struct gpu *gpu);
 
 // Whether the blank-separated list contains the word; false for NULL.
 bool gpu_has_extension(const char *list, const char *word);

@@ -45,25 +45,25 @@ enum status sound_open(struct sound **out)
     return OK;
 }
 
-void sound_close(struct sound **s)
+void sound_close(struct sound **sound)
 {
-    if (!*s)
+    if (!*sound)
         return;
-    SDL_CloseAudioDevice((*s)->device);
+    SDL_CloseAudioDevice((*sound)->device);
     SDL_QuitSubSystem(SDL_INIT_AUDIO);
-    free(*s);
-    *s = NULL;
+    free(*sound);
+    *sound = NULL;
 }
 
-void sound_tone(struct sound *s, double hz, double seconds)
+void sound_tone(struct sound *sound, double hz, double seconds)
 {
     static int16_t samples[RATE];
     const int count = (int)(fmin(seconds, 1) * RATE);
-    if (!s || SDL_GetQueuedAudioSize(s->device) > RATE * sizeof *samples)
+    if (!sound || SDL_GetQueuedAudioSize(sound->device) > RATE * sizeof *samples)
         return;
     for (int i = 0; i < count; i++) {
         const double t = (double)i / RATE, fade = fmin(1, fmin(t, seconds - t) / FADE_S);
         samples[i] = (int16_t)(32767 * LOUDNESS * fade * sin(2 * PI * hz * t));
     }
-    SDL_QueueAudio(s->device, samples, (Uint32)((size_t)count * sizeof *samples));
+    SDL_QueueAudio(sound->device, samples, (Uint32)((size_t)count * sizeof *samples));
 }

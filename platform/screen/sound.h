@@ -6,7 +6,7 @@ struct sound;
 
 // NOTHING: there is no sound device; *out is then NULL, which all functions take. ERR_MEMORY.
 MUST_CHECK enum status sound_open(struct sound **out);
-void sound_close(struct sound **s);
+void sound_close(struct sound **sound);
 
 // Queues a tone of that pitch and length behind those that still play, at most a second of them. Returns immediately.
-void sound_tone(struct sound *s, double hz, double seconds);
+void sound_tone(struct sound *sound, double hz, double seconds);

@@ -31,16 +31,16 @@ struct system_fonts *system_fonts_open(void)
     return f;
 }
 
-void system_fonts_close(struct system_fonts **f)
+void system_fonts_close(struct system_fonts **fonts)
 {
-    if (!*f)
+    if (!*fonts)
         return;
-    if ((*f)->fonts)
-        FcFontSetDestroy((*f)->fonts);
-    if ((*f)->config)
-        FcConfigDestroy((*f)->config);
-    free(*f);
-    *f = NULL;
+    if ((*fonts)->fonts)
+        FcFontSetDestroy((*fonts)->fonts);
+    if ((*fonts)->config)
+        FcConfigDestroy((*fonts)->config);
+    free(*fonts);
+    *fonts = NULL;
 }
 
 // Pictures (emoji, bitmaps) are no outlines; of a variable font each instance is listed, and its file is none.
@@ -81,15 +81,15 @@ static bool read_font(FcPattern *font, struct system_font *out)
     return false;
 }
 
-int system_fonts_read(struct system_fonts *f, const uint32_t *letters, int count,
-                      struct system_font out[SYSTEM_FONTS_MOST])
+int system_fonts_read(struct system_fonts *fonts, const uint32_t *letters, int count,
+                      struct system_font out[SYSTEM_FONTS_MAX])
 {
     FcCharSet *missing = FcCharSetCreate();
     int found = 0;
     for (int i = 0; missing && i < count; i++)
         FcCharSetAddChar(missing, letters[i]);
-    for (int i = 0; missing && i < f->fonts->nfont && found < SYSTEM_FONTS_MOST && FcCharSetCount(missing); i++) {
-        FcPattern *font = f->fonts->fonts[i];
+    for (int i = 0; missing && i < fonts->fonts->nfont && found < SYSTEM_FONTS_MAX && FcCharSetCount(missing); i++) {
+        FcPattern *font = fonts->fonts->fonts[i];
         FcCharSet *has, *rest;
         if (FcPatternGetCharSet(font, FC_CHARSET, 0, &has) != FcResultMatch || !has_outlines(font) ||
             !FcCharSetIntersectCount(missing, has) || !read_font(font, &out[found]))
@@ -108,12 +108,12 @@ int system_fonts_read(struct system_fonts *f, const uint32_t *letters, int count
 
 struct system_fonts *system_fonts_open(void) { return NULL; }
 
-void system_fonts_close(struct system_fonts **f) { *f = NULL; }
+void system_fonts_close(struct system_fonts **fonts) { *fonts = NULL; }
 
-int system_fonts_read(struct system_fonts *f, const uint32_t *letters, int count,
-                      struct system_font out[SYSTEM_FONTS_MOST])
+int system_fonts_read(struct system_fonts *fonts, const uint32_t *letters, int count,
+                      struct system_font out[SYSTEM_FONTS_MAX])
 {
-    (void)f;
+    (void)fonts;
     (void)letters;
     (void)count;
     (void)out;

@@ -9,12 +9,11 @@ extern "C" {
 #include "platform/screen/ui.h"
 #pragma GCC diagnostic pop
 
-#include <imgui.h>
-#include <imgui_internal.h>
-
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <imgui.h>
+#include <imgui_internal.h>
 #include <new>
 #include <set>
 #include <vector>
@@ -82,7 +81,7 @@ bool is_in(const ImWchar *ranges, uint32_t letter)
 }
 
 // The computer's fonts for those of the letters that the faces lack; the caller frees their bytes.
-int read_system_fonts(ui *u, const std::vector<letter_set> &letters, system_font out[SYSTEM_FONTS_MOST])
+int read_system_fonts(ui *u, const std::vector<letter_set> &letters, system_font out[SYSTEM_FONTS_MAX])
 {
     letter_set foreign;
     for (const letter_set &of_face : letters)
@@ -150,7 +149,7 @@ bool build_atlas(ui *u, double px_per_dp, const std::vector<letter_set> &letters
 enum status build_font_atlas(ui *u, double px_per_dp, const std::vector<letter_set> &letters)
 {
     ImFontAtlas *atlas = ImGui::GetIO().Fonts;
-    system_font others[SYSTEM_FONTS_MOST];
+    system_font others[SYSTEM_FONTS_MAX];
     const int other_count = read_system_fonts(u, letters, others);
     // A font that fontconfig reads and ImGui does not costs its letters alone.
     const bool is_built = build_atlas(u, px_per_dp, letters, others, other_count) ||

@@ -21,17 +21,17 @@ struct window {
     bool other_text; // what comes next as text is of a key that was pressed before it was
 };
 
-static enum status fail_open(struct window **s, const char *what, const char *why)
+static enum status fail_open(struct window **window, const char *what, const char *why)
 {
     enum status status = *why ? fail(ERR_DEVICE, "%s (SDL: %s)", what, why) : fail(ERR_DEVICE, "%s", what);
-    window_close(s);
+    window_close(window);
     return status;
 }
 
 static const char NO_DISPLAY[] =
     "there is no display to show a window on: start it in a desktop, or on a console of its own without one";
 
-static bool make_window(struct window *s, const struct window_options *o)
+static bool make_window(struct window *window, const struct window_options *options)
 {
     SDL_SetHint(SDL_HINT_TOUCH_MOUSE_EVENTS, "0"); // no mouse events for touches, nor the reverse
     SDL_SetHint(SDL_HINT_MOUSE_TOUCH_EVENTS, "0");
@@ -40,15 +40,15 @@ static bool make_window(struct window *s, const struct window_options *o)
     SDL_GL_SetAttribute(SDL_GL_CONTEXT_MINOR_VERSION, 0);
     SDL_GL_SetAttribute(SDL_GL_DEPTH_SIZE, 0);
     Uint32 flags = SDL_WINDOW_OPENGL | SDL_WINDOW_RESIZABLE | SDL_WINDOW_ALLOW_HIGHDPI;
-    if (o->fullscreen || !strcmp(SDL_GetCurrentVideoDriver(), "KMSDRM"))
+    if (options->fullscreen || !strcmp(SDL_GetCurrentVideoDriver(), "KMSDRM"))
         flags |= SDL_WINDOW_FULLSCREEN_DESKTOP;
     SDL_Rect room; // what is larger than the screen would have its edges, and what is to be touched there, beside it
     const bool known = !SDL_GetDisplayUsableBounds(0, &room) && room.w > 0 && room.h > 0;
-    s->window = SDL_CreateWindow(o->title, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
-                                 known ? SDL_min(o->width, room.w) : o->width,
-                                 known ? SDL_min(o->height, room.h) : o->height, flags);
-    s->context = s->window ? SDL_GL_CreateContext(s->window) : NULL;
-    return s->context;
+    window->window = SDL_CreateWindow(options->title, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
+                                      known ? SDL_min(options->width, room.w) : options->width,
+                                      known ? SDL_min(options->height, room.h) : options->height, flags);
+    window->context = window->window ? SDL_GL_CreateContext(window->window) : NULL;
+    return window->context;
 }
 
 // Wayland's library writes a line of its own to stderr where the folder of its sockets has no name.
@@ -101,27 +101,27 @@ enum status window_open(struct window **out, const struct window_options *option
 
 void window_close(struct window **out)
 {
-    struct window *s = *out;
-    if (!s)
+    struct window *window = *out;
+    if (!window)
         return;
     for (int i = 0; i < MAX_PADS; i++)
-        if (s->pads[i])
-            SDL_GameControllerClose(s->pads[i]);
-    if (s->context)
-        SDL_GL_DeleteContext(s->context);
-    if (s->window)
-        SDL_DestroyWindow(s->window);
+        if (window->pads[i])
+            SDL_GameControllerClose(window->pads[i]);
+    if (window->context)
+        SDL_GL_DeleteContext(window->context);
+    if (window->window)
+        SDL_DestroyWindow(window->window);
     SDL_Quit();
-    free(s);
+    free(window);
     *out = NULL;
 }
 
-void window_size(const struct window *s, int *width, int *height)
+void window_size(const struct window *window, int *width, int *height)
 {
     int w, h;
-    SDL_GL_GetDrawableSize(s->window, &w, &h);
-    *width = s->quarter_turns & 1 ? h : w;
-    *height = s->quarter_turns & 1 ? w : h;
+    SDL_GL_GetDrawableSize(window->window, &w, &h);
+    *width = window->quarter_turns & 1 ? h : w;
+    *height = window->quarter_turns & 1 ? w : h;
 }
 
 // From the panel's EDID (byte 21: width in centimetres), for KMS, where SDL does not read it. 0: unknown.
@@ -143,53 +143,53 @@ static double panel_dpi(int width_px)
     return dpi;
 }
 
-double window_dpi(const struct window *s)
+double window_dpi(const struct window *window)
 {
-    if (s->requested_dpi > 0)
-        return s->requested_dpi;
+    if (window->requested_dpi > 0)
+        return window->requested_dpi;
     float dpi = 0;
-    int display = SDL_GetWindowDisplayIndex(s->window), width, height;
-    SDL_GL_GetDrawableSize(s->window, &width, &height);
-    if (!strcmp(window_driver(s), "KMSDRM"))
+    int display = SDL_GetWindowDisplayIndex(window->window), width, height;
+    SDL_GL_GetDrawableSize(window->window, &width, &height);
+    if (!strcmp(window_driver(window), "KMSDRM"))
         dpi = (float)panel_dpi(width);
     else if (SDL_GetDisplayDPI(display < 0 ? 0 : display, NULL, &dpi, NULL))
         dpi = 0;
     return dpi >= 60 && dpi <= 800 ? (double)dpi : 96; // values outside are placeholders
 }
 
-double window_refresh_hz(const struct window *s)
+double window_refresh_hz(const struct window *window)
 {
     SDL_DisplayMode mode;
-    int display = SDL_GetWindowDisplayIndex(s->window);
+    int display = SDL_GetWindowDisplayIndex(window->window);
     if (SDL_GetCurrentDisplayMode(display < 0 ? 0 : display, &mode) || mode.refresh_rate < 20)
         return 60;
     return mode.refresh_rate;
 }
 
-int window_quarter_turns(const struct window *s) { return s->quarter_turns; }
+int window_quarter_turns(const struct window *window) { return window->quarter_turns; }
 
-const char *window_driver(const struct window *s)
+const char *window_driver(const struct window *window)
 {
-    (void)s;
+    (void)window;
     return SDL_GetCurrentVideoDriver();
 }
 
-void window_present(struct window *s) { SDL_GL_SwapWindow(s->window); }
+void window_present(struct window *window) { SDL_GL_SwapWindow(window->window); }
 
-void window_fullscreen(struct window *s, bool on)
+void window_fullscreen(struct window *window, bool on)
 {
-    SDL_SetWindowFullscreen(s->window, on ? SDL_WINDOW_FULLSCREEN_DESKTOP : 0);
+    SDL_SetWindowFullscreen(window->window, on ? SDL_WINDOW_FULLSCREEN_DESKTOP : 0);
 }
 
 // ---------------------------------------------------------------- input
 
 // From a position on the display as mounted, 0..1 per axis, to upright pixels.
-static void to_upright(const struct window *s, double right, double down, struct window_event *out)
+static void to_upright(const struct window *window, double right, double down, struct window_event *out)
 {
     int width, height;
-    window_size(s, &width, &height);
+    window_size(window, &width, &height);
     double x = right, y = down;
-    switch (s->quarter_turns) {
+    switch (window->quarter_turns) {
     case 1: x = down, y = 1 - right; break;
     case 2: x = 1 - right, y = 1 - down; break;
     case 3: x = 1 - down, y = right; break;
@@ -199,21 +199,22 @@ static void to_upright(const struct window *s, double right, double down, struct
     out->y = y * height;
 }
 
-static void translate_mouse(const struct window *s, int x, int y, enum window_event_kind kind, struct window_event *out)
+static void translate_mouse(const struct window *window, int x, int y, enum window_event_kind kind,
+                            struct window_event *out)
 {
     int width, height; // in window units, which are not pixels everywhere
-    SDL_GetWindowSize(s->window, &width, &height);
+    SDL_GetWindowSize(window->window, &width, &height);
     out->kind = kind;
     out->pointer = -1;
-    to_upright(s, (x + 0.5) / width, (y + 0.5) / height, out);
+    to_upright(window, (x + 0.5) / width, (y + 0.5) / height, out);
 }
 
-static void translate_finger(const struct window *s, const SDL_TouchFingerEvent *e, enum window_event_kind kind,
+static void translate_finger(const struct window *window, const SDL_TouchFingerEvent *e, enum window_event_kind kind,
                              struct window_event *out)
 {
     out->kind = kind;
     out->pointer = e->fingerId & 0x7fffffff;
-    to_upright(s, (double)e->x, (double)e->y, out);
+    to_upright(window, (double)e->x, (double)e->y, out);
 }
 
 static void translate_key(const SDL_KeyboardEvent *e, struct window_event *out)
@@ -269,21 +270,21 @@ static void translate_system(const SDL_SysWMEvent *e, struct window_event *out)
 #endif
 }
 
-static void plug_pad(struct window *s, int device)
+static void plug_pad(struct window *window, int device)
 {
     for (int i = 0; i < MAX_PADS; i++)
-        if (!s->pads[i]) {
-            s->pads[i] = SDL_GameControllerOpen(device);
+        if (!window->pads[i]) {
+            window->pads[i] = SDL_GameControllerOpen(device);
             return;
         }
 }
 
-static void unplug_pad(struct window *s, SDL_JoystickID which)
+static void unplug_pad(struct window *window, SDL_JoystickID which)
 {
     for (int i = 0; i < MAX_PADS; i++)
-        if (s->pads[i] && SDL_JoystickInstanceID(SDL_GameControllerGetJoystick(s->pads[i])) == which) {
-            SDL_GameControllerClose(s->pads[i]);
-            s->pads[i] = NULL;
+        if (window->pads[i] && SDL_JoystickInstanceID(SDL_GameControllerGetJoystick(window->pads[i])) == which) {
+            SDL_GameControllerClose(window->pads[i]);
+            window->pads[i] = NULL;
         }
 }
 
@@ -327,27 +328,27 @@ static void translate_pad(const SDL_Event *e, struct window_event *out)
     }
 }
 
-static void translate_event(struct window *s, const SDL_Event *e, struct window_event *out)
+static void translate_event(struct window *window, const SDL_Event *e, struct window_event *out)
 {
-    if (e->type == s->wake_event) {
-        SDL_AtomicSet(&s->woken, 0);
+    if (e->type == window->wake_event) {
+        SDL_AtomicSet(&window->woken, 0);
         out->kind = WINDOW_WOKEN;
         return;
     }
     switch (e->type) {
     case SDL_QUIT: out->kind = WINDOW_QUIT; break;
     case SDL_KEYDOWN:
-        s->other_text = !s->types;
+        window->other_text = !window->types;
         translate_key(&e->key, out);
         break;
     case SDL_KEYUP:
-        s->other_text = false;
+        window->other_text = false;
         translate_key(&e->key, out);
         break;
     case SDL_TEXTINPUT:
-        out->kind = s->types && !s->other_text ? WINDOW_TEXT : WINDOW_NO_EVENT;
+        out->kind = window->types && !window->other_text ? WINDOW_TEXT : WINDOW_NO_EVENT;
         snprintf(out->text, sizeof out->text, "%s", e->text.text);
-        s->other_text = false;
+        window->other_text = false;
         break;
     case SDL_WINDOWEVENT: translate_window(&e->window, out); break;
     case SDL_SYSWMEVENT: translate_system(&e->syswm, out); break;
@@ -357,20 +358,20 @@ static void translate_event(struct window *s, const SDL_Event *e, struct window_
     case SDL_MOUSEBUTTONDOWN:
     case SDL_MOUSEBUTTONUP:
         if (e->button.button == SDL_BUTTON_LEFT)
-            translate_mouse(s, e->button.x, e->button.y,
+            translate_mouse(window, e->button.x, e->button.y,
                             e->type == SDL_MOUSEBUTTONDOWN ? WINDOW_POINTER_DOWN : WINDOW_POINTER_UP, out);
         break;
-    case SDL_MOUSEMOTION: translate_mouse(s, e->motion.x, e->motion.y, WINDOW_POINTER_MOVE, out); break;
-    case SDL_FINGERDOWN: translate_finger(s, &e->tfinger, WINDOW_POINTER_DOWN, out); break;
-    case SDL_FINGERMOTION: translate_finger(s, &e->tfinger, WINDOW_POINTER_MOVE, out); break;
-    case SDL_FINGERUP: translate_finger(s, &e->tfinger, WINDOW_POINTER_UP, out); break;
+    case SDL_MOUSEMOTION: translate_mouse(window, e->motion.x, e->motion.y, WINDOW_POINTER_MOVE, out); break;
+    case SDL_FINGERDOWN: translate_finger(window, &e->tfinger, WINDOW_POINTER_DOWN, out); break;
+    case SDL_FINGERMOTION: translate_finger(window, &e->tfinger, WINDOW_POINTER_MOVE, out); break;
+    case SDL_FINGERUP: translate_finger(window, &e->tfinger, WINDOW_POINTER_UP, out); break;
     case SDL_MOUSEWHEEL:
         out->kind = WINDOW_WHEEL;
         out->amount = (double)e->wheel.preciseY;
         break;
-    case SDL_CONTROLLERDEVICEADDED: plug_pad(s, e->cdevice.which); break;
+    case SDL_CONTROLLERDEVICEADDED: plug_pad(window, e->cdevice.which); break;
     case SDL_CONTROLLERDEVICEREMOVED:
-        unplug_pad(s, e->cdevice.which);
+        unplug_pad(window, e->cdevice.which);
         out->kind = WINDOW_PAD_GONE;
         break;
     case SDL_CONTROLLERBUTTONDOWN:
@@ -379,18 +380,18 @@ static void translate_event(struct window *s, const SDL_Event *e, struct window_
     }
 }
 
-struct window_event window_wait(struct window *s, int wait_ms)
+struct window_event window_wait(struct window *window, int wait_ms)
 {
     struct window_event out = {.kind = WINDOW_NO_EVENT};
     SDL_Event event;
     if (wait_ms > 0 ? SDL_WaitEventTimeout(&event, wait_ms) : SDL_PollEvent(&event))
         do
-            translate_event(s, &event, &out);
+            translate_event(window, &event, &out);
         while (out.kind == WINDOW_NO_EVENT && SDL_PollEvent(&event)); // events that are not translated are skipped
     return out;
 }
 
-void window_drop_input(struct window *s)
+void window_drop_input(struct window *window)
 {
     static const struct {
         Uint32 first, last;
@@ -399,7 +400,7 @@ void window_drop_input(struct window *s)
                  {SDL_MOUSEBUTTONDOWN, SDL_MOUSEWHEEL},
                  {SDL_CONTROLLERBUTTONDOWN, SDL_CONTROLLERBUTTONDOWN},
                  {SDL_FINGERDOWN, SDL_FINGERUP}};
-    (void)s; // SDL has one queue
+    (void)window; // SDL has one queue
     SDL_PumpEvents();
     for (size_t i = 0; i < COUNT_OF(kinds); i++)
         SDL_FlushEvents(kinds[i].first, kinds[i].last);
@@ -411,22 +412,22 @@ void window_say(const char *title, const char *sentence)
     (void)SDL_ShowSimpleMessageBox(SDL_MESSAGEBOX_ERROR, title, sentence, NULL);
 }
 
-void window_type(struct window *s, bool on)
+void window_type(struct window *window, bool on)
 {
-    if (on == s->types)
+    if (on == window->types)
         return;
-    s->types = on;
+    window->types = on;
     if (on && !SDL_IsTextInputActive())
         SDL_StartTextInput();
     else if (!on && SDL_HasScreenKeyboardSupport())
         SDL_StopTextInput();
 }
 
-void window_wake(struct window *s)
+void window_wake(struct window *window)
 {
-    if (!SDL_AtomicCAS(&s->woken, 0, 1))
+    if (!SDL_AtomicCAS(&window->woken, 0, 1))
         return; // one is queued already
-    SDL_Event event = {.type = s->wake_event};
+    SDL_Event event = {.type = window->wake_event};
     if (SDL_PushEvent(&event) != 1) // the queue is full: what is in it wakes, and the next call tries again
-        SDL_AtomicSet(&s->woken, 0);
+        SDL_AtomicSet(&window->woken, 0);
 }

@@ -21,16 +21,16 @@ struct window_options {
 MUST_CHECK enum status window_open(struct window **out, const struct window_options *options);
 void window_close(struct window **s); // NULL is fine
 
-void window_size(const struct window *s, int *width, int *height);
-double window_dpi(const struct window *s);        // pixels an inch; 96 where the system does not know
-double window_refresh_hz(const struct window *s); // 60 where the system does not know
-int window_quarter_turns(const struct window *s);
-const char *window_driver(const struct window *s); // "KMSDRM", "wayland", "x11"
+void window_size(const struct window *window, int *width, int *height);
+double window_dpi(const struct window *window);        // pixels an inch; 96 where the system does not know
+double window_refresh_hz(const struct window *window); // 60 where the system does not know
+int window_quarter_turns(const struct window *window);
+const char *window_driver(const struct window *window); // "KMSDRM", "wayland", "x11"
 
 // Swaps buffers: shows what was drawn; waits for vertical sync where the driver supports it.
-void window_present(struct window *s);
+void window_present(struct window *window);
 
-void window_fullscreen(struct window *s, bool on);
+void window_fullscreen(struct window *window, bool on);
 
 enum window_event_kind {
     WINDOW_NO_EVENT,     // no event
@@ -99,18 +99,18 @@ struct window_event {
 };
 
 // The next event; waits up to wait_ms for one, 0: does not wait.
-struct window_event window_wait(struct window *s, int wait_ms);
+struct window_event window_wait(struct window *window, int wait_ms);
 
 // Forgets the presses, touches and text that have come and were not yet waited for: whoever made them saw an older
 // picture. Keys that were released, motion and what the desktop says of the window stay.
-void window_drop_input(struct window *s);
+void window_drop_input(struct window *window);
 
 // A sentence in a small window of the desktop's own, until it is closed; nothing where that cannot be. Needs no window.
 void window_say(const char *title, const char *sentence);
 
 // Whether text is typed: capitals, accents and what input methods compose come as WINDOW_TEXT, and a tablet shows its
 // keyboard. Off at first; costs nothing where nothing changes.
-void window_type(struct window *s, bool on);
+void window_type(struct window *window, bool on);
 
 // Makes window_wait return; from any thread, until window_close.
-void window_wake(struct window *s);
+void window_wake(struct window *window);

@@ -36,46 +36,46 @@ struct rational {
 
 // ------------------------------------------------------------- the sensor's lens
 
-static double radial_factor(const struct rational *l, double r2)
+static double radial_factor(const struct rational *rational, double r2)
 {
-    const double *k = l->k;
+    const double *k = rational->k;
     const double over = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[2])), under = 1 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]));
     return under != 0 ? over / under : over;
 }
 
-static struct pixel project(const struct rational *l, double x, double y)
+static struct pixel project_point(const struct rational *rational, double x, double y)
 {
-    const double r2 = x * x + y * y, radial = radial_factor(l, r2);
-    const double xd = x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
-    const double yd = y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y;
-    return (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
+    const double r2 = x * x + y * y, radial = radial_factor(rational, r2);
+    const double xd = x * radial + 2 * rational->p1 * x * y + rational->p2 * (r2 + 2 * x * x);
+    const double yd = y * radial + rational->p1 * (r2 + 2 * y * y) + 2 * rational->p2 * x * y;
+    return (struct pixel){rational->fx * xd + rational->cx, rational->fy * yd + rational->cy};
 }
 
 // The ray's distance from the axis (on the plane z = 1) whose image is `distorted` from the principal point: where the
 // factor times r first reaches it, no further than max_r.
-static double undistorted_radius(const struct rational *l, double distorted)
+static double undistorted_radius(const struct rational *rational, double distorted)
 {
     enum { STEPS = 4096 };
     double last = 0;
     for (int i = 1; i <= STEPS; i++) {
-        const double r = l->max_r * i / STEPS, out = r * radial_factor(l, r * r);
+        const double r = rational->max_r * i / STEPS, out = r * radial_factor(rational, r * r);
         if (out >= distorted)
-            return out > last ? l->max_r * (i - 1 + (distorted - last) / (out - last)) / STEPS : r;
+            return out > last ? rational->max_r * (i - 1 + (distorted - last) / (out - last)) / STEPS : r;
         if (out < last) // the distortion folds
-            return l->max_r * (i - 1) / STEPS;
+            return rational->max_r * (i - 1) / STEPS;
         last = out;
     }
-    return l->max_r;
+    return rational->max_r;
 }
 
 // The radius of the image's farthest corner.
-static double image_radius(const struct rational *l)
+static double image_radius(const struct rational *rational)
 {
     double largest = 0;
     for (int i = 0; i < 4; i++) {
-        const double x = ((i % 2 ? l->width : 0) - 0.5 - l->cx) / l->fx;
-        const double y = ((i / 2 ? l->height : 0) - 0.5 - l->cy) / l->fy;
-        largest = fmax(largest, undistorted_radius(l, sqrt(x * x + y * y)));
+        const double x = ((i % 2 ? rational->width : 0) - 0.5 - rational->cx) / rational->fx;
+        const double y = ((i / 2 ? rational->height : 0) - 0.5 - rational->cy) / rational->fy;
+        largest = fmax(largest, undistorted_radius(rational, sqrt(x * x + y * y)));
     }
     return largest;
 }
@@ -84,12 +84,13 @@ static double image_radius(const struct rational *l)
 
 // c[0] + c[1] s + c[2] s^2 + c[3] s^3 for the factor, s = (r / R)^2, by least squares of pixels over the image's area.
 // Returns the greatest deviation in pixels, infinite where there is no fit.
-static double fit_polynomial(const struct rational *l, double radius, double c[FIT_UNKNOWNS])
+static double fit_polynomial(const struct rational *rational, double radius, double c[FIT_UNKNOWNS])
 {
     double a[FIT_UNKNOWNS * FIT_UNKNOWNS] = {0}, b[FIT_UNKNOWNS] = {0}, worst = 0;
     for (int i = 1; i <= FIT_SAMPLES; i++) {
         const double t = (double)i / FIT_SAMPLES, s = t * t, row[FIT_UNKNOWNS] = {1, s, s * s, s * s * s};
-        const double weight = t * t * t, factor = radial_factor(l, s * radius * radius); // pixels^2 and a ring's area
+        const double weight = t * t * t,
+                     factor = radial_factor(rational, s * radius * radius); // pixels^2 and a ring's area
         for (int j = 0; j < FIT_UNKNOWNS; j++) {
             b[j] += weight * row[j] * factor;
             for (int k = 0; k < FIT_UNKNOWNS; k++)
@@ -102,74 +103,81 @@ static double fit_polynomial(const struct rational *l, double radius, double c[F
     memcpy(c, b, sizeof b);
     for (int i = 1; i <= FIT_SAMPLES; i++) {
         const double r = radius * i / FIT_SAMPLES, s = r * r / (radius * radius);
-        const double off = c[0] + s * (c[1] + s * (c[2] + s * c[3])) - radial_factor(l, r * r);
-        worst = fmax(worst, fabs(off) * r * fmax(l->fx, l->fy));
+        const double off = c[0] + s * (c[1] + s * (c[2] + s * c[3])) - radial_factor(rational, r * r);
+        worst = fmax(worst, fabs(off) * r * fmax(rational->fx, rational->fy));
     }
     return worst;
 }
 
 // The lens with that polynomial; the focal length takes its constant.
-static struct lens polynomial_lens(const struct rational *l, double radius, const double c[FIT_UNKNOWNS])
+static struct lens polynomial_lens(const struct rational *rational, double radius, const double c[FIT_UNKNOWNS])
 {
     const double r2 = radius * radius;
-    return (struct lens){.width = l->width,
-                         .height = l->height,
-                         .fx = l->fx * c[0],
-                         .fy = l->fy * c[0],
-                         .cx = l->cx,
-                         .cy = l->cy,
+    return (struct lens){.width = rational->width,
+                         .height = rational->height,
+                         .fx = rational->fx * c[0],
+                         .fy = rational->fy * c[0],
+                         .cx = rational->cx,
+                         .cy = rational->cy,
                          .k1 = c[1] / c[0] / r2,
                          .k2 = c[2] / c[0] / (r2 * r2),
                          .k3 = c[3] / c[0] / (r2 * r2 * r2),
-                         .p1 = l->p1 / c[0],
-                         .p2 = l->p2 / c[0]};
+                         .p1 = rational->p1 / c[0],
+                         .p2 = rational->p2 / c[0]};
 }
 
 // A pinhole that sees what the image's sides see beside the principal point.
-static struct lens pinhole_lens(const struct rational *l)
+static struct lens pinhole_lens(const struct rational *rational)
 {
-    const double left = l->cx + 0.5, right = l->width - 0.5 - l->cx, up = l->cy + 0.5, down = l->height - 0.5 - l->cy;
-    const double fx = fmin(left / undistorted_radius(l, left / l->fx), right / undistorted_radius(l, right / l->fx));
-    const double fy = fmin(up / undistorted_radius(l, up / l->fy), down / undistorted_radius(l, down / l->fy));
-    const double share = fmin(fx / l->fx, fy / l->fy); // pixels stay as square as they were
-    return (struct lens){
-        .width = l->width, .height = l->height, .fx = share * l->fx, .fy = share * l->fy, .cx = l->cx, .cy = l->cy};
+    const double left = rational->cx + 0.5, right = rational->width - 0.5 - rational->cx, up = rational->cy + 0.5,
+                 down = rational->height - 0.5 - rational->cy;
+    const double fx = fmin(left / undistorted_radius(rational, left / rational->fx),
+                           right / undistorted_radius(rational, right / rational->fx));
+    const double fy = fmin(up / undistorted_radius(rational, up / rational->fy),
+                           down / undistorted_radius(rational, down / rational->fy));
+    const double share = fmin(fx / rational->fx, fy / rational->fy); // pixels stay as square as they were
+    return (struct lens){.width = rational->width,
+                         .height = rational->height,
+                         .fx = share * rational->fx,
+                         .fy = share * rational->fy,
+                         .cx = rational->cx,
+                         .cy = rational->cy};
 }
 
-static enum status fill_remap(const struct rational *l, const struct lens *lens, struct azure_remap *out)
+static enum status fill_remap(const struct rational *rational, const struct lens *lens, struct azure_remap *out)
 {
-    out->from = malloc(2 * (size_t)l->width * (size_t)l->height * sizeof *out->from);
+    out->from = malloc(2 * (size_t)rational->width * (size_t)rational->height * sizeof *out->from);
     if (!out->from)
         return fail(ERR_MEMORY, "no memory to rectify the images of an Azure Kinect");
     float *at = out->from;
-    for (int y = 0; y < l->height; y++)
-        for (int x = 0; x < l->width; x++, at += 2) {
+    for (int y = 0; y < rational->height; y++)
+        for (int x = 0; x < rational->width; x++, at += 2) {
             const double rx = (x - lens->cx) / lens->fx, ry = (y - lens->cy) / lens->fy;
-            const struct pixel from = project(l, rx, ry);
-            const bool inside = rx * rx + ry * ry <= l->max_r * l->max_r && from.x >= 0 && from.y >= 0 &&
-                                from.x <= l->width - 1 && from.y <= l->height - 1;
+            const struct pixel from = project_point(rational, rx, ry);
+            const bool inside = rx * rx + ry * ry <= rational->max_r * rational->max_r && from.x >= 0 && from.y >= 0 &&
+                                from.x <= rational->width - 1 && from.y <= rational->height - 1;
             at[0] = inside ? (float)from.x : -1;
             at[1] = inside ? (float)from.y : -1;
         }
     return OK;
 }
 
-static enum status make_lens(const struct rational *l, const char *what, const char *name, struct lens *lens,
+static enum status make_lens(const struct rational *rational, const char *what, const char *name, struct lens *lens,
                              struct azure_remap *remap)
 {
-    const double radius = image_radius(l);
+    const double radius = image_radius(rational);
     double c[FIT_UNKNOWNS];
-    *remap = (struct azure_remap){.width = l->width, .height = l->height};
-    const bool fits = radius > 0 && fit_polynomial(l, radius, c) <= AZURE_FIT_PX && c[0] > 0;
+    *remap = (struct azure_remap){.width = rational->width, .height = rational->height};
+    const bool fits = radius > 0 && fit_polynomial(rational, radius, c) <= AZURE_FIT_PX && c[0] > 0;
     if (fits) {
-        *lens = polynomial_lens(l, radius, c);
+        *lens = polynomial_lens(rational, radius, c);
         if (lens_check(lens, what) == OK)
             return OK;
     }
-    *lens = pinhole_lens(l);
+    *lens = pinhole_lens(rational);
     if (lens_check(lens, what) != OK)
         return fail(ERR_INPUT, "%s: %s", name, status_message());
-    return fill_remap(l, lens, remap);
+    return fill_remap(rational, lens, remap);
 }
 
 // ------------------------------------------------------------- reading
@@ -252,7 +260,7 @@ static void scale_to_mode(const double v[PARAMETERS], const struct mode *mode, s
 }
 
 // Early sensors calibrated 16:9 of colour's 4:3; to the whole.
-static void widen(double v[PARAMETERS])
+static void widen_intrinsics(double v[PARAMETERS])
 {
     v[1] = (v[1] * 2304 + 384) / 3072;
     v[3] = v[3] * 2304 / 3072;
@@ -284,7 +292,7 @@ static enum status read_camera(const struct json *camera, const char *name, bool
     if (!brown) // the same terms without their factor of two
         v[12] /= 2, v[13] /= 2;
     if (is_color && fabs(width * 9 - height * 16) < 16)
-        widen(v);
+        widen_intrinsics(v);
     scale_to_mode(v, mode, out);
     json_get_number(json_member(camera, "MetricRadius"), &radius);
     out->max_r = radius > 1e-4 && radius < 100 ? radius : DEFAULT_RADIUS;
@@ -294,10 +302,10 @@ static enum status read_camera(const struct json *camera, const char *name, bool
 static const struct json *find_camera(const struct json *root, const char *location)
 {
     const struct json *cameras = json_member(json_member(root, "CalibrationInformation"), "Cameras");
-    for (const struct json *c = json_first(cameras); c; c = json_next(c)) {
+    for (const struct json *json = json_first(cameras); json; json = json_next(json)) {
         const char *text;
-        if (json_get_string(json_member(c, "Location"), &text) && !strcmp(text, location))
-            return c;
+        if (json_get_string(json_member(json, "Location"), &text) && !strcmp(text, location))
+            return json;
     }
     return NULL;
 }
@@ -347,11 +355,11 @@ enum status azure_calibration_parse(const char *json, size_t count, const char *
     return status;
 }
 
-void azure_calibration_free(struct azure_calibration *c)
+void azure_calibration_free(struct azure_calibration *calibration)
 {
-    free(c->color.from);
-    free(c->depth.from);
-    *c = (struct azure_calibration){0};
+    free(calibration->color.from);
+    free(calibration->depth.from);
+    *calibration = (struct azure_calibration){0};
 }
 
 // ------------------------------------------------------------- images
@@ -400,13 +408,13 @@ void azure_remap_depth(const struct azure_remap *remap, const uint16_t *in, uint
 
 static const struct ffmpeg_library *_Atomic ffmpeg; // the same for all; set before the first file is opened
 
-enum { QUEUED_MOST = 64 }; // images of one track that may lie before their partners of the other
+enum { QUEUED_MAX = 64 }; // images of one track that may lie before their partners of the other
 
 static const int64_t FRAME_NS = 33333333; // where the file does not say
 
 struct waiting { // images of a track that were read and not yet shown, in order
-    AVPacket *packet[QUEUED_MOST];
-    int64_t time_ns[QUEUED_MOST];
+    AVPacket *packet[QUEUED_MAX];
+    int64_t time_ns[QUEUED_MAX];
     int count;
     int stream;      // -1: there is no such track
     int64_t last_ns; // of all that were ever read
@@ -433,120 +441,122 @@ struct kinect {
 // ------------------------------------------------------------- reading on
 
 // The oldest image of a track, out of its queue; the caller frees it.
-static AVPacket *take_first(struct waiting *w, int64_t *time_ns)
+static AVPacket *take_first(struct waiting *waiting, int64_t *time_ns)
 {
-    AVPacket *first = w->packet[0];
-    *time_ns = w->time_ns[0];
-    w->count--;
-    memmove(w->packet, w->packet + 1, (size_t)w->count * sizeof *w->packet);
-    memmove(w->time_ns, w->time_ns + 1, (size_t)w->count * sizeof *w->time_ns);
+    AVPacket *first = waiting->packet[0];
+    *time_ns = waiting->time_ns[0];
+    waiting->count--;
+    memmove(waiting->packet, waiting->packet + 1, (size_t)waiting->count * sizeof *waiting->packet);
+    memmove(waiting->time_ns, waiting->time_ns + 1, (size_t)waiting->count * sizeof *waiting->time_ns);
     return first;
 }
 
-static void drop_first(struct waiting *w)
+static void drop_first(struct waiting *waiting)
 {
     int64_t time_ns;
-    AVPacket *first = take_first(w, &time_ns);
+    AVPacket *first = take_first(waiting, &time_ns);
     ffmpeg->av_packet_free(&first);
 }
 
 // Puts the image into its track's queue, which owns it from then on.
-static void queue_packet(struct kinect *k, AVPacket *packet)
+static void queue_packet(struct kinect *kinect, AVPacket *packet)
 {
     struct waiting *w = NULL;
-    if (packet->stream_index == k->depth.stream)
-        w = &k->depth;
-    else if (packet->stream_index == k->color.stream)
-        w = &k->color;
+    if (packet->stream_index == kinect->depth.stream)
+        w = &kinect->depth;
+    else if (packet->stream_index == kinect->color.stream)
+        w = &kinect->color;
     if (!w) {
         ffmpeg->av_packet_free(&packet);
         return;
     }
-    const AVRational base = k->format->streams[w->stream]->time_base;
+    const AVRational base = kinect->format->streams[w->stream]->time_base;
     const int64_t time_ns = packet->pts == AV_NOPTS_VALUE
                                 ? INT64_MIN
                                 : ffmpeg->av_rescale_q(packet->pts, base, (AVRational){1, 1000000000});
     if (time_ns <= w->last_ns || llabs(time_ns) > INT64_MAX / 4) { // the latter: of no clock
-        k->facts->dropped += w == &k->depth;
+        kinect->facts->dropped += w == &kinect->depth;
         ffmpeg->av_packet_free(&packet);
         return;
     }
-    if (w == &k->color)
-        stream_times_add(&k->facts->color_times, time_ns);
+    if (w == &kinect->color)
+        stream_times_add(&kinect->facts->color_times, time_ns);
     else
-        stream_times_add(&k->facts->depth_times, time_ns);
-    if (w->count == QUEUED_MOST)
+        stream_times_add(&kinect->facts->depth_times, time_ns);
+    if (w->count == QUEUED_MAX)
         drop_first(w);
     w->packet[w->count] = packet;
     w->time_ns[w->count++] = w->last_ns = time_ns;
 }
 
 // Reads one image of any track. NOTHING: the end, also where the file is damaged.
-static enum status read_on(struct kinect *k)
+static enum status read_on(struct kinect *kinect)
 {
-    if (k->ended)
+    if (kinect->ended)
         return NOTHING;
     AVPacket *packet = ffmpeg->av_packet_alloc();
     if (!packet)
-        return fail(ERR_MEMORY, "no memory for the images of %s", k->path);
-    const int error = ffmpeg->av_read_frame(k->format, packet);
+        return fail(ERR_MEMORY, "no memory for the images of %s", kinect->path);
+    const int error = ffmpeg->av_read_frame(kinect->format, packet);
     if (error >= 0) {
-        queue_packet(k, packet);
+        queue_packet(kinect, packet);
         return OK;
     }
     ffmpeg->av_packet_free(&packet);
     if (error == AVERROR(ENOMEM))
-        return fail(ERR_MEMORY, "no memory for the images of %s", k->path);
-    k->ended = true;
-    k->damaged = error != AVERROR_EOF;
+        return fail(ERR_MEMORY, "no memory for the images of %s", kinect->path);
+    kinect->ended = true;
+    kinect->damaged = error != AVERROR_EOF;
     return NOTHING;
 }
 
 // Once, after all that was read of it: ERR_INPUT for a file that does not reach the end it states, else NOTHING.
-static enum status at_end(struct kinect *k)
+static enum status at_end(struct kinect *kinect)
 {
     enum { FRAMES = 5 }; // the other tracks may go on a little longer
-    const int64_t last_ns = k->depth.last_ns > k->color.last_ns ? k->depth.last_ns : k->color.last_ns;
+    const int64_t last_ns =
+        kinect->depth.last_ns > kinect->color.last_ns ? kinect->depth.last_ns : kinect->color.last_ns;
     // Of no clock, in a damaged file, is no statement. Microseconds.
-    const int64_t stated_us = k->format->duration < INT64_MAX / 4000 ? k->format->duration : 0;
+    const int64_t stated_us = kinect->format->duration < INT64_MAX / 4000 ? kinect->format->duration : 0;
     const double missing_s = stated_us * 1e-6 - (last_ns == INT64_MIN ? 0 : (double)last_ns * 1e-9);
-    if (k->told)
+    if (kinect->told)
         return NOTHING;
-    k->told = true;
-    if (missing_s > 2 * FRAMES * 1e-9 * (double)k->half_ns)
-        return fail(ERR_INPUT, "%s breaks off %.1f s before its end: it is damaged", k->path, missing_s);
-    return k->damaged ? fail(ERR_INPUT, "%s is damaged after %" PRId64 " frames", k->path, k->index) : NOTHING;
+    kinect->told = true;
+    if (missing_s > 2 * FRAMES * 1e-9 * (double)kinect->half_ns)
+        return fail(ERR_INPUT, "%s breaks off %.1f s before its end: it is damaged", kinect->path, missing_s);
+    return kinect->damaged ? fail(ERR_INPUT, "%s is damaged after %" PRId64 " frames", kinect->path, kinect->index)
+                           : NOTHING;
 }
 
 // Reads until the next depth image is there, and colour at least as late. At the end as at_end().
-static enum status read_pair(struct kinect *k)
+static enum status read_pair(struct kinect *kinect)
 {
     enum status status = OK;
     while (status == OK) {
-        const bool has_depth = k->depth.count > 0;
-        const bool waits = k->color.stream >= 0 && k->depth.count < QUEUED_MOST &&
-                           (!has_depth || k->color.last_ns < k->depth.time_ns[0] - k->delay_ns);
+        const bool has_depth = kinect->depth.count > 0;
+        const bool waits = kinect->color.stream >= 0 && kinect->depth.count < QUEUED_MAX &&
+                           (!has_depth || kinect->color.last_ns < kinect->depth.time_ns[0] - kinect->delay_ns);
         if (has_depth && !waits)
             return OK;
-        status = read_on(k);
+        status = read_on(kinect);
     }
     if (status != NOTHING)
         return status;
-    return k->depth.count ? OK : at_end(k);
+    return kinect->depth.count ? OK : at_end(kinect);
 }
 
 // The colour image that belongs to `time_ns`, out of the queue with all before it; NULL: none.
-static AVPacket *take_color(struct kinect *k, int64_t time_ns)
+static AVPacket *take_color(struct kinect *kinect, int64_t time_ns)
 {
-    struct waiting *w = &k->color;
+    struct waiting *w = &kinect->color;
     int nearest = -1;
     for (int i = 0; i < w->count; i++)
-        if (llabs(w->time_ns[i] - time_ns) <= k->half_ns &&
+        if (llabs(w->time_ns[i] - time_ns) <= kinect->half_ns &&
             (nearest < 0 || llabs(w->time_ns[i] - time_ns) < llabs(w->time_ns[nearest] - time_ns)))
             nearest = i;
     for (int i = 0; i < nearest; i++)
         drop_first(w);
-    while (nearest < 0 && w->count && w->time_ns[0] < time_ns - k->half_ns)
+    while (nearest < 0 && w->count && w->time_ns[0] < time_ns - kinect->half_ns)
         drop_first(w);
     int64_t unused;
     return nearest < 0 ? NULL : take_first(w, &unused);
@@ -554,59 +564,60 @@ static AVPacket *take_color(struct kinect *k, int64_t time_ns)
 
 // ------------------------------------------------------------- images
 
-static enum status show_depth(struct kinect *k, const AVPacket *packet, struct frame *out)
+static enum status show_depth(struct kinect *kinect, const AVPacket *packet, struct frame *out)
 {
-    const AVCodecParameters *p = k->format->streams[k->depth.stream]->codecpar;
+    const AVCodecParameters *p = kinect->format->streams[kinect->depth.stream]->codecpar;
     const size_t area = (size_t)p->width * (size_t)p->height;
     if ((size_t)packet->size < 2 * area)
-        return fail(ERR_INPUT, "%s, depth of frame %" PRId64 ": %d bytes instead of %zu", k->path, k->index - 1,
-                    packet->size, 2 * area);
+        return fail(ERR_INPUT, "%s, depth of frame %" PRId64 ": %d bytes instead of %zu", kinect->path,
+                    kinect->index - 1, packet->size, 2 * area);
     const uint8_t *in = packet->data;
     for (size_t i = 0; i < area; i++, in += 2)
-        k->mm[i] = (uint16_t)(k->big_endian ? in[0] << 8 | in[1] : in[1] << 8 | in[0]);
-    if (k->calibration.depth.from)
-        azure_remap_depth(&k->calibration.depth, k->mm, k->rectified_mm);
-    out->depth = k->calibration.depth.from ? k->rectified_mm : k->mm;
+        kinect->mm[i] = (uint16_t)(kinect->big_endian ? in[0] << 8 | in[1] : in[1] << 8 | in[0]);
+    if (kinect->calibration.depth.from)
+        azure_remap_depth(&kinect->calibration.depth, kinect->mm, kinect->rectified_mm);
+    out->depth = kinect->calibration.depth.from ? kinect->rectified_mm : kinect->mm;
     return OK;
 }
 
-// Decodes into k->rgb.
-static enum status decode_color(struct kinect *k, const AVPacket *packet)
+// Decodes into kinect->rgb.
+static enum status decode_color(struct kinect *kinect, const AVPacket *packet)
 {
-    const AVCodecParameters *p = k->format->streams[k->color.stream]->codecpar;
+    const AVCodecParameters *p = kinect->format->streams[kinect->color.stream]->codecpar;
     const size_t width = (size_t)p->width, area = width * (size_t)p->height;
     const struct yuv_layout layout = {{YUV_BT601, false}, p->width, p->height};
     static const size_t half_bytes[] = {[COLOR_NV12] = 3, [COLOR_YUY2] = 4, [COLOR_BGRA] = 8}; // of a pixel
-    if (k->color_kind == COLOR_JPEG) {
-        enum status status = jpeg_decode(packet->data, (size_t)packet->size, k->rgb, p->width, p->height);
+    if (kinect->color_kind == COLOR_JPEG) {
+        enum status status = jpeg_decode(packet->data, (size_t)packet->size, kinect->rgb, p->width, p->height);
         if (status == ERR_CORRUPT)
-            status = fail(ERR_INPUT, "%s, colour of frame %" PRId64 ": %s", k->path, k->index - 1, status_message());
+            status = fail(ERR_INPUT, "%s, colour of frame %" PRId64 ": %s", kinect->path, kinect->index - 1,
+                          status_message());
         return status;
     }
-    if ((size_t)packet->size < area * half_bytes[k->color_kind] / 2)
-        return fail(ERR_INPUT, "%s, colour of frame %" PRId64 ": %d bytes are too few", k->path, k->index - 1,
+    if ((size_t)packet->size < area * half_bytes[kinect->color_kind] / 2)
+        return fail(ERR_INPUT, "%s, colour of frame %" PRId64 ": %d bytes are too few", kinect->path, kinect->index - 1,
                     packet->size);
-    if (k->color_kind == COLOR_NV12)
-        pixels_from_nv12(packet->data, width, packet->data + area, width, &layout, k->rgb);
-    else if (k->color_kind == COLOR_YUY2)
-        pixels_from_yuv422(packet->data, 2 * width, true, &layout, k->rgb);
+    if (kinect->color_kind == COLOR_NV12)
+        pixels_from_nv12(packet->data, width, packet->data + area, width, &layout, kinect->rgb);
+    else if (kinect->color_kind == COLOR_YUY2)
+        pixels_from_yuv422(packet->data, 2 * width, true, &layout, kinect->rgb);
     else
-        pixels_from_packed(packet->data, 4 * width, PACKED_BGRX, p->width, p->height, k->rgb);
+        pixels_from_packed(packet->data, 4 * width, PACKED_BGRX, p->width, p->height, kinect->rgb);
     return OK;
 }
 
 // Takes over the packet, whose JPEG the frame may point into.
-static enum status show_color(struct kinect *k, AVPacket *packet, struct frame *out)
+static enum status show_color(struct kinect *kinect, AVPacket *packet, struct frame *out)
 {
-    k->shown = packet;
-    enum status status = decode_color(k, packet);
+    kinect->shown = packet;
+    enum status status = decode_color(kinect, packet);
     if (status != OK)
         return status;
-    const struct azure_remap *remap = &k->calibration.color;
-    out->color = remap->from ? k->rectified : k->rgb;
+    const struct azure_remap *remap = &kinect->calibration.color;
+    out->color = remap->from ? kinect->rectified : kinect->rgb;
     if (remap->from) {
-        azure_remap_color(remap, k->rgb, k->rectified);
-    } else if (k->color_kind == COLOR_JPEG) {
+        azure_remap_color(remap, kinect->rgb, kinect->rectified);
+    } else if (kinect->color_kind == COLOR_JPEG) {
         out->jpeg = packet->data;
         out->jpeg_bytes = (size_t)packet->size;
     }
@@ -633,127 +644,128 @@ static enum status kinect_next(void *self, struct frame *out)
 
 // ------------------------------------------------------------- opening
 
-static const char *tag(const AVDictionary *tags, const char *name)
+static const char *tag_value(const AVDictionary *tags, const char *name)
 {
     const AVDictionaryEntry *entry = ffmpeg->av_dict_get(tags, name, NULL, 0);
     return entry ? entry->value : NULL;
 }
 
 // The track of that name; -1: none.
-static int find_track(const struct kinect *k, const char *name)
+static int find_track(const struct kinect *kinect, const char *name)
 {
     char key[32];
     snprintf(key, sizeof key, "K4A_%s_TRACK", name);
-    for (unsigned i = 0; i < k->format->nb_streams; i++) {
-        const AVStream *s = k->format->streams[i];
-        const char *title = tag(s->metadata, "title");
-        if (s->codecpar->codec_type == AVMEDIA_TYPE_VIDEO && (tag(s->metadata, key) || (title && !strcmp(title, name))))
+    for (unsigned i = 0; i < kinect->format->nb_streams; i++) {
+        const AVStream *s = kinect->format->streams[i];
+        const char *title = tag_value(s->metadata, "title");
+        if (s->codecpar->codec_type == AVMEDIA_TYPE_VIDEO &&
+            (tag_value(s->metadata, key) || (title && !strcmp(title, name))))
             return (int)i;
     }
     return -1;
 }
 
-static enum status check_track(struct kinect *k, int stream, const char *what)
+static enum status check_track(struct kinect *kinect, int stream, const char *what)
 {
-    const AVCodecParameters *p = k->format->streams[stream]->codecpar;
+    const AVCodecParameters *p = kinect->format->streams[stream]->codecpar;
     if (!image_size_is_usable(p->width, p->height))
-        return fail(ERR_INPUT, "%s: its %s images of %d x %d pixels cannot be used", k->path, what, p->width,
+        return fail(ERR_INPUT, "%s: its %s images of %d x %d pixels cannot be used", kinect->path, what, p->width,
                     p->height);
     return OK;
 }
 
-static enum status find_tracks(struct kinect *k)
+static enum status find_tracks(struct kinect *kinect)
 {
-    k->depth.stream = find_track(k, "DEPTH");
-    k->color.stream = find_track(k, "COLOR");
-    if (k->depth.stream < 0)
-        return fail(ERR_INPUT, "%s is no recording of an Azure Kinect with depth: it has no track DEPTH", k->path);
-    enum status status = check_track(k, k->depth.stream, "depth");
-    if (status == OK && k->color.stream >= 0)
-        status = check_track(k, k->color.stream, "colour");
+    kinect->depth.stream = find_track(kinect, "DEPTH");
+    kinect->color.stream = find_track(kinect, "COLOR");
+    if (kinect->depth.stream < 0)
+        return fail(ERR_INPUT, "%s is no recording of an Azure Kinect with depth: it has no track DEPTH", kinect->path);
+    enum status status = check_track(kinect, kinect->depth.stream, "depth");
+    if (status == OK && kinect->color.stream >= 0)
+        status = check_track(kinect, kinect->color.stream, "colour");
     if (status != OK)
         return status;
-    const AVCodecParameters *d = k->format->streams[k->depth.stream]->codecpar;
-    k->big_endian = d->codec_tag == MKTAG('b', '1', '6', 'g');
-    if (d->codec_id != AV_CODEC_ID_RAWVIDEO || (!k->big_endian && d->codec_tag != MKTAG('Y', '1', '6', ' ')))
-        return fail(ERR_INPUT, "%s: its depth is not of 16 uncompressed bits (b16g)", k->path);
-    if (k->color.stream < 0)
+    const AVCodecParameters *d = kinect->format->streams[kinect->depth.stream]->codecpar;
+    kinect->big_endian = d->codec_tag == MKTAG('b', '1', '6', 'g');
+    if (d->codec_id != AV_CODEC_ID_RAWVIDEO || (!kinect->big_endian && d->codec_tag != MKTAG('Y', '1', '6', ' ')))
+        return fail(ERR_INPUT, "%s: its depth is not of 16 uncompressed bits (b16g)", kinect->path);
+    if (kinect->color.stream < 0)
         return OK;
-    const AVCodecParameters *c = k->format->streams[k->color.stream]->codecpar;
+    const AVCodecParameters *c = kinect->format->streams[kinect->color.stream]->codecpar;
     const bool raw = c->codec_id == AV_CODEC_ID_RAWVIDEO;
     if (c->codec_id == AV_CODEC_ID_MJPEG)
-        k->color_kind = COLOR_JPEG;
+        kinect->color_kind = COLOR_JPEG;
     else if (raw && c->codec_tag == MKTAG('N', 'V', '1', '2') && !(c->height % 2))
-        k->color_kind = COLOR_NV12; // and the mode's width is a multiple of 4
+        kinect->color_kind = COLOR_NV12; // and the mode's width is a multiple of 4
     else if (raw && c->codec_tag == MKTAG('Y', 'U', 'Y', '2'))
-        k->color_kind = COLOR_YUY2;
+        kinect->color_kind = COLOR_YUY2;
     else if (raw && c->codec_tag == MKTAG('B', 'G', 'R', 'A'))
-        k->color_kind = COLOR_BGRA;
+        kinect->color_kind = COLOR_BGRA;
     else
-        return fail(ERR_INPUT, "%s: its colour is neither MJPEG, NV12, YUY2 nor BGRA", k->path);
+        return fail(ERR_INPUT, "%s: its colour is neither MJPEG, NV12, YUY2 nor BGRA", kinect->path);
     return OK;
 }
 
-static enum status read_calibration(struct kinect *k)
+static enum status read_calibration(struct kinect *kinect)
 {
-    const char *file = tag(k->format->metadata, "K4A_CALIBRATION_FILE");
+    const char *file = tag_value(kinect->format->metadata, "K4A_CALIBRATION_FILE");
     const AVStream *found = NULL;
-    for (unsigned i = 0; i < k->format->nb_streams && !found; i++) {
-        const AVStream *s = k->format->streams[i];
-        const char *name = tag(s->metadata, "filename");
+    for (unsigned i = 0; i < kinect->format->nb_streams && !found; i++) {
+        const AVStream *s = kinect->format->streams[i];
+        const char *name = tag_value(s->metadata, "filename");
         if (s->codecpar->codec_type == AVMEDIA_TYPE_ATTACHMENT && s->codecpar->extradata_size > 0 && name &&
             !strcmp(name, file ? file : "calibration.json"))
             found = s;
     }
     if (!found)
-        return fail(ERR_INPUT, "%s holds no calibration.json, without which its depth means nothing", k->path);
+        return fail(ERR_INPUT, "%s holds no calibration.json, without which its depth means nothing", kinect->path);
     int size[2][2] = {{0}};
-    const int streams[2] = {k->color.stream, k->depth.stream};
+    const int streams[2] = {kinect->color.stream, kinect->depth.stream};
     for (int i = 0; i < 2; i++)
         if (streams[i] >= 0) {
-            size[i][0] = k->format->streams[streams[i]]->codecpar->width;
-            size[i][1] = k->format->streams[streams[i]]->codecpar->height;
+            size[i][0] = kinect->format->streams[streams[i]]->codecpar->width;
+            size[i][1] = kinect->format->streams[streams[i]]->codecpar->height;
         }
     char name[300];
-    snprintf(name, sizeof name, "calibration.json in %.250s", k->path);
+    snprintf(name, sizeof name, "calibration.json in %.250s", kinect->path);
     enum status status =
         azure_calibration_parse((const char *)found->codecpar->extradata, (size_t)found->codecpar->extradata_size, name,
-                                size[0], size[1], &k->calibration);
+                                size[0], size[1], &kinect->calibration);
     if (status == OK)
-        k->facts->calibration = k->calibration.lenses;
+        kinect->facts->calibration = kinect->calibration.lenses;
     return status;
 }
 
-static void read_clock(struct kinect *k)
+static void read_clock(struct kinect *kinect)
 {
-    const AVRational rate = k->format->streams[k->depth.stream]->avg_frame_rate;
-    const char *delay = tag(k->format->metadata, "K4A_DEPTH_DELAY_NS");
+    const AVRational rate = kinect->format->streams[kinect->depth.stream]->avg_frame_rate;
+    const char *delay = tag_value(kinect->format->metadata, "K4A_DEPTH_DELAY_NS");
     int64_t frame_ns = FRAME_NS;
     if (rate.num > 0 && rate.den > 0)
         frame_ns = ffmpeg->av_rescale(1000000000, rate.den, rate.num);
     if (frame_ns < 1000000 || frame_ns > 1000000000)
         frame_ns = FRAME_NS;
-    k->half_ns = frame_ns / 2;
-    k->delay_ns = delay ? strtoll(delay, NULL, 10) : 0;
-    if (k->delay_ns < -frame_ns || k->delay_ns > frame_ns) // the sensor allows less
-        k->delay_ns = 0;
-    k->color.last_ns = k->depth.last_ns = INT64_MIN;
+    kinect->half_ns = frame_ns / 2;
+    kinect->delay_ns = delay ? strtoll(delay, NULL, 10) : 0;
+    if (kinect->delay_ns < -frame_ns || kinect->delay_ns > frame_ns) // the sensor allows less
+        kinect->delay_ns = 0;
+    kinect->color.last_ns = kinect->depth.last_ns = INT64_MIN;
 }
 
-static enum status alloc_images(struct kinect *k)
+static enum status alloc_images(struct kinect *kinect)
 {
-    const struct calibration *c = &k->calibration.lenses;
+    const struct calibration *c = &kinect->calibration.lenses;
     const size_t color = (size_t)c->color.width * (size_t)c->color.height;
     const size_t depth = (size_t)c->depth.width * (size_t)c->depth.height;
-    k->rgb = malloc(3 * color + 1);
-    k->mm = malloc(2 * depth + 1);
-    if (k->calibration.color.from)
-        k->rectified = malloc(3 * color + 1);
-    if (k->calibration.depth.from)
-        k->rectified_mm = malloc(2 * depth + 1);
-    if (!k->rgb || !k->mm || (k->calibration.color.from && !k->rectified) ||
-        (k->calibration.depth.from && !k->rectified_mm))
-        return fail(ERR_MEMORY, "no memory for the images of %s", k->path);
+    kinect->rgb = malloc(3 * color + 1);
+    kinect->mm = malloc(2 * depth + 1);
+    if (kinect->calibration.color.from)
+        kinect->rectified = malloc(3 * color + 1);
+    if (kinect->calibration.depth.from)
+        kinect->rectified_mm = malloc(2 * depth + 1);
+    if (!kinect->rgb || !kinect->mm || (kinect->calibration.color.from && !kinect->rectified) ||
+        (kinect->calibration.depth.from && !kinect->rectified_mm))
+        return fail(ERR_MEMORY, "no memory for the images of %s", kinect->path);
     return OK;
 }
 
@@ -766,18 +778,18 @@ static enum status not_matroska(const char *path)
                 kind ? kind : "");
 }
 
-static enum status open_file(struct kinect *k)
+static enum status open_file(struct kinect *kinect)
 {
-    if (!file_exists(k->path))
-        return fail(ERR_MISSING, "there is no file %s", k->path);
+    if (!file_exists(kinect->path))
+        return fail(ERR_MISSING, "there is no file %s", kinect->path);
     char url[FILE_PATH_BYTES + 8];
-    if (snprintf(url, sizeof url, "file:%s", k->path) >= (int)sizeof url)
-        return fail(ERR_INPUT, "the path %.60s… is too long", k->path);
-    const int error = ffmpeg->avformat_open_input(&k->format, url, ffmpeg->av_find_input_format("matroska"), NULL);
+    if (snprintf(url, sizeof url, "file:%s", kinect->path) >= (int)sizeof url)
+        return fail(ERR_INPUT, "the path %.60s… is too long", kinect->path);
+    const int error = ffmpeg->avformat_open_input(&kinect->format, url, ffmpeg->av_find_input_format("matroska"), NULL);
     if (error == AVERROR(ENOMEM))
-        return fail(ERR_MEMORY, "no memory to open %s", k->path);
+        return fail(ERR_MEMORY, "no memory to open %s", kinect->path);
     if (error < 0)
-        return not_matroska(k->path);
+        return not_matroska(kinect->path);
     return OK;
 }
 

@@ -29,7 +29,7 @@ struct azure_calibration {
 // holds nothing; else the caller frees it.
 MUST_CHECK enum status azure_calibration_parse(const char *json, size_t count, const char *name, const int color[2],
                                                const int depth[2], struct azure_calibration *out);
-void azure_calibration_free(struct azure_calibration *c); // what is zeroed is fine
+void azure_calibration_free(struct azure_calibration *calibration); // what is zeroed is fine
 
 // in and out have the remap's size and differ; `from` is not NULL. Colour is interpolated, depth is its nearest sample.
 void azure_remap_color(const struct azure_remap *remap, const uint8_t *in, uint8_t *out);

@@ -22,7 +22,8 @@
 #include <string.h>
 
 // The number `name` of the object `what`. ERR_INPUT names both.
-static enum status need(const struct json *object, const char *what, const char *name, const char *path, double *out)
+static enum status require_number(const struct json *object, const char *what, const char *name, const char *path,
+                                  double *out)
 {
     const struct json *value = json_member(object, name);
     if (json_get_number(value, out))
@@ -34,7 +35,7 @@ static enum status need_pixels(const struct json *object, const char *what, cons
                                int *out)
 {
     double value;
-    enum status status = need(object, what, name, path, &value);
+    enum status status = require_number(object, what, name, path, &value);
     if (status != OK)
         return status;
     if (!(value >= 1 && value <= 16384) || value != floor(value))
@@ -44,15 +45,14 @@ static enum status need_pixels(const struct json *object, const char *what, cons
     return OK;
 }
 
-// Reads an array of `least` to `most` numbers; those not given stay as they are.
-static enum status read_numbers(const struct json *array, const char *what, const char *path, int least, int most,
+// Reads an array of `min` to `max` numbers; those not given stay as they are.
+static enum status read_numbers(const struct json *array, const char *what, const char *path, int min, int max,
                                 double *out)
 {
     int count = json_count(array);
-    if (!json_is_array(array) || count < least || count > most)
-        return least == most
-                   ? fail(ERR_INPUT, "%s: '%s' must be an array of %d numbers", path, what, most)
-                   : fail(ERR_INPUT, "%s: '%s' must be an array of %d to %d numbers", path, what, least, most);
+    if (!json_is_array(array) || count < min || count > max)
+        return min == max ? fail(ERR_INPUT, "%s: '%s' must be an array of %d numbers", path, what, max)
+                          : fail(ERR_INPUT, "%s: '%s' must be an array of %d to %d numbers", path, what, min, max);
     for (int i = 0; i < count; i++)
         if (!json_get_number(json_at(array, i), &out[i]))
             return fail(ERR_INPUT, "%s: number %d of '%s' is not a number", path, i + 1, what);
@@ -71,7 +71,7 @@ static enum status read_lens(const struct json *object, const char *what, const 
         double *value;
     } numbers[] = {{"fx", &lens->fx}, {"fy", &lens->fy}, {"cx", &lens->cx}, {"cy", &lens->cy}};
     for (size_t i = 0; i < COUNT_OF(numbers) && status == OK; i++)
-        status = need(object, what, numbers[i].name, path, numbers[i].value);
+        status = require_number(object, what, numbers[i].name, path, numbers[i].value);
     const struct json *distortion = json_member(object, "distortion");
     double k[5] = {0};
     if (status == OK && distortion) {
@@ -195,18 +195,18 @@ static struct json *add_lens(struct json *root, const char *name, const struct l
     return object;
 }
 
-void calibration_add_json(struct json *root, const struct calibration *c)
+void calibration_add_json(struct json *root, const struct calibration *calibration)
 {
-    if (c->color.width)
-        add_lens(root, "color", &c->color);
-    if (c->depth.width)
-        json_add_number(add_lens(root, "depth", &c->depth), "unit_m", 0.001);
-    if (c->color.width && c->depth.width) {
-        json_add_bool(root, "registered", c->registered);
+    if (calibration->color.width)
+        add_lens(root, "color", &calibration->color);
+    if (calibration->depth.width)
+        json_add_number(add_lens(root, "depth", &calibration->depth), "unit_m", 0.001);
+    if (calibration->color.width && calibration->depth.width) {
+        json_add_bool(root, "registered", calibration->registered);
         struct json *relation = json_add_object(root, "color_from_depth");
         struct json *translation = json_add_array(relation, "translation_m");
         struct json *rotation = json_add_array(relation, "rotation");
-        const struct pose *p = &c->color_from_depth;
+        const struct pose *p = &calibration->color_from_depth;
         for (int i = 0; i < 3; i++)
             json_push_number(translation, (&p->translation.x)[i]);
         for (int i = 0; i < 4; i++)

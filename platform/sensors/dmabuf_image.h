@@ -30,12 +30,12 @@ struct dmabuf_image {
     void (*release)(struct dmabuf_image *l); // frees it; call dmabuf_image_release()
 };
 
-// NULL is fine; sets *l = NULL. Where a GPU reads it, wait for that to end first (gpu.h).
-static inline void dmabuf_image_release(struct dmabuf_image **l)
+// NULL is fine; sets *image = NULL. Where a GPU reads it, wait for that to end first (gpu.h).
+static inline void dmabuf_image_release(struct dmabuf_image **image)
 {
-    if (*l)
-        (*l)->release(*l);
-    *l = NULL;
+    if (*image)
+        (*image)->release(*image);
+    *image = NULL;
 }
 
 #ifdef __cplusplus

@@ -26,8 +26,8 @@
 #include "platform/files/image_file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
-#include "platform/sensors/source_internal.h"
 #include "platform/files/text_file.h"
+#include "platform/sensors/source_internal.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -68,7 +68,7 @@ struct folder {
 
 // Reads decimal seconds at *text, without floating point; digits
 // beyond the nanosecond round to the nearest. False: no such number there, or
-// beyond SECONDS_MOST, so that any two times' difference is one of int64_t nanoseconds.
+// beyond SECONDS_MAX, so that any two times' difference is one of int64_t nanoseconds.
 static bool read_seconds(const char **text, int64_t *time_ns)
 {
     const char *at = *text;
@@ -78,7 +78,7 @@ static bool read_seconds(const char **text, int64_t *time_ns)
     int64_t ns = 0;
     int digits = 0, decimals = 0;
     for (; *at >= '0' && *at <= '9'; at++, digits++)
-        if ((ns = ns * 10 + (*at - '0')) > SECONDS_MOST)
+        if ((ns = ns * 10 + (*at - '0')) > SECONDS_MAX)
             return false;
     if (*at == '.') {
         for (at++; *at >= '0' && *at <= '9'; at++, digits++) {
@@ -200,57 +200,57 @@ static int64_t nearest_entry(const struct image_list *list, int64_t from, int64_
 
 // Refuses lists of different clocks where no colour image meets a depth image. Where some meet by chance, they are
 // paired, and source_clocks() says it.
-static enum status check_clocks(struct folder *f)
+static enum status check_clocks(struct folder *folder)
 {
     char text[STREAM_CLOCKS_TEXT_BYTES];
-    struct source_facts *facts = f->facts;
-    for (int64_t i = 0; i < f->color.count; i++)
-        stream_times_add(&facts->color_times, f->color.entries[i].time_ns);
-    for (int64_t i = 0; i < f->depth.count; i++)
-        stream_times_add(&facts->depth_times, f->depth.entries[i].time_ns);
+    struct source_facts *facts = folder->facts;
+    for (int64_t i = 0; i < folder->color.count; i++)
+        stream_times_add(&facts->color_times, folder->color.entries[i].time_ns);
+    for (int64_t i = 0; i < folder->depth.count; i++)
+        stream_times_add(&facts->depth_times, folder->depth.entries[i].time_ns);
     facts->listed = true;
     const struct clock_finding found = stream_clocks_judge(&facts->color_times, &facts->depth_times, facts->pairs);
     if (facts->pairs || found.fault == CLOCKS_AGREE)
         return OK;
-    return fail(ERR_INPUT, "%s: %s", f->dir, stream_clocks_text(&found, true, text));
+    return fail(ERR_INPUT, "%s: %s", folder->dir, stream_clocks_text(&found, true, text));
 }
 
 // Two images are a pair when each is the other's nearest and they are at most
 // half a frame apart; so no colour image is used twice.
-static enum status pair_images(struct folder *f)
+static enum status pair_images(struct folder *folder)
 {
     int64_t step_ns;
-    enum status status = median_step(&f->depth, &step_ns);
+    enum status status = median_step(&folder->depth, &step_ns);
     if (status != OK)
         return status;
-    if (!step_ns && (status = median_step(&f->color, &step_ns)) != OK)
+    if (!step_ns && (status = median_step(&folder->color, &step_ns)) != OK)
         return status;
-    f->color_of = malloc((size_t)f->depth.count * sizeof *f->color_of);
-    if (!f->color_of)
-        return fail(ERR_MEMORY, "no memory to pair the pictures of %s", f->dir);
+    folder->color_of = malloc((size_t)folder->depth.count * sizeof *folder->color_of);
+    if (!folder->color_of)
+        return fail(ERR_MEMORY, "no memory to pair the pictures of %s", folder->dir);
     int64_t color = 0, back = 0;
-    for (int64_t i = 0; i < f->depth.count; i++) {
-        f->color_of[i] = -1;
-        if (!f->color.count)
+    for (int64_t i = 0; i < folder->depth.count; i++) {
+        folder->color_of[i] = -1;
+        if (!folder->color.count)
             continue;
-        color = nearest_entry(&f->color, color, f->depth.entries[i].time_ns);
-        back = nearest_entry(&f->depth, back, f->color.entries[color].time_ns);
-        int64_t apart_ns = llabs(f->color.entries[color].time_ns - f->depth.entries[i].time_ns);
+        color = nearest_entry(&folder->color, color, folder->depth.entries[i].time_ns);
+        back = nearest_entry(&folder->depth, back, folder->color.entries[color].time_ns);
+        int64_t apart_ns = llabs(folder->color.entries[color].time_ns - folder->depth.entries[i].time_ns);
         if (back == i && apart_ns <= step_ns / 2) {
-            f->color_of[i] = color;
-            f->facts->pairs++;
+            folder->color_of[i] = color;
+            folder->facts->pairs++;
         }
     }
-    return check_clocks(f);
+    return check_clocks(folder);
 }
 
 // ------------------------------------------------------------- the images
 
-static enum status read_bytes(const struct folder *f, const struct image_list *list, const struct image_entry *entry,
-                              char path[PATH_BYTES], uint8_t **bytes, size_t *count)
+static enum status read_bytes(const struct folder *folder, const struct image_list *list,
+                              const struct image_entry *entry, char path[PATH_BYTES], uint8_t **bytes, size_t *count)
 {
-    if (snprintf(path, PATH_BYTES, "%s/%s", f->dir, entry->path) >= PATH_BYTES)
-        return fail(ERR_INPUT, "%s/%s, line %d: the path is too long", f->dir, list->name, entry->line);
+    if (snprintf(path, PATH_BYTES, "%s/%s", folder->dir, entry->path) >= PATH_BYTES)
+        return fail(ERR_INPUT, "%s/%s, line %d: the path is too long", folder->dir, list->name, entry->line);
     enum status status = file_read(path, bytes, count);
     if (status == ERR_MISSING)
         return fail(ERR_INPUT, "%s, named in line %d of %s, is missing", path, entry->line, list->name);
@@ -268,7 +268,7 @@ static enum status check_size(const char *path, int width, int height, const str
 }
 
 // A damaged image is bad input: ERR_CORRUPT becomes ERR_INPUT, and the sentence names the file.
-static enum status damaged(enum status status, const char *path)
+static enum status report_damaged_file(enum status status, const char *path)
 {
     if (status != ERR_CORRUPT && status != ERR_INPUT)
         return status;
@@ -288,97 +288,98 @@ static enum status refuse_kind(bool color, const uint8_t *bytes, size_t count, c
 }
 
 // Colour as 8-bit RGB, depth as 16 bit.
-static enum status read_png(const struct folder *f, bool color, const char *path, const uint8_t *bytes, size_t count,
-                            void **pixels)
+static enum status read_png(const struct folder *folder, bool color, const char *path, const uint8_t *bytes,
+                            size_t count, void **pixels)
 {
-    const struct calibration *c = &f->facts->calibration;
+    const struct calibration *c = &folder->facts->calibration;
     struct png_layout layout = {.kind = color ? PNG_RGB8 : PNG_GRAY16};
     int width, height;
-    enum status status = is_png(bytes, count) ? damaged(png_size(bytes, count, path, &width, &height), path)
+    enum status status = is_png(bytes, count) ? report_damaged_file(png_size(bytes, count, path, &width, &height), path)
                                               : refuse_kind(color, bytes, count, path);
     if (status == OK) // before it is decoded, which may take a thousand times the file's bytes
         status = check_size(path, width, height, color ? &c->color : &c->depth, color ? "color" : "depth");
-    return status == OK ? damaged(png_decode(bytes, count, path, &layout, pixels), path) : status;
+    return status == OK ? report_damaged_file(png_decode(bytes, count, path, &layout, pixels), path) : status;
 }
 
-static enum status read_color(struct folder *f, const struct image_entry *entry, struct frame *out)
+static enum status read_color(struct folder *folder, const struct image_entry *entry, struct frame *out)
 {
-    const struct lens *lens = &f->facts->calibration.color;
+    const struct lens *lens = &folder->facts->calibration.color;
     char path[PATH_BYTES];
     uint8_t *bytes;
     size_t count;
-    enum status status = read_bytes(f, &f->color, entry, path, &bytes, &count);
+    enum status status = read_bytes(folder, &folder->color, entry, path, &bytes, &count);
     if (status != OK)
         return status;
     if (is_jpeg(bytes, count)) {
         int width, height;
-        status = damaged(jpeg_size(bytes, count, &width, &height), path);
+        status = report_damaged_file(jpeg_size(bytes, count, &width, &height), path);
         if (status == OK)
             status = check_size(path, width, height, lens, "color");
         if (status == OK)
-            status = damaged(jpeg_decode(bytes, count, f->rgb, width, height), path);
+            status = report_damaged_file(jpeg_decode(bytes, count, folder->rgb, width, height), path);
         if (status == OK) {
-            out->jpeg = f->jpeg = bytes;
+            out->jpeg = folder->jpeg = bytes;
             out->jpeg_bytes = count;
-            out->color = f->rgb;
+            out->color = folder->rgb;
             return OK;
         }
     } else {
         void *pixels;
-        status = read_png(f, true, path, bytes, count, &pixels);
+        status = read_png(folder, true, path, bytes, count, &pixels);
         if (status == OK) {
-            memcpy(f->rgb, pixels, (size_t)lens->width * (size_t)lens->height * 3);
+            memcpy(folder->rgb, pixels, (size_t)lens->width * (size_t)lens->height * 3);
             free(pixels);
-            out->color = f->rgb;
+            out->color = folder->rgb;
         }
     }
     free(bytes);
     return status;
 }
 
-static enum status read_depth(struct folder *f, const struct image_entry *entry, struct frame *out)
+static enum status read_depth(struct folder *folder, const struct image_entry *entry, struct frame *out)
 {
-    const struct lens *lens = &f->facts->calibration.depth;
+    const struct lens *lens = &folder->facts->calibration.depth;
     char path[PATH_BYTES];
     uint8_t *bytes;
     size_t count;
-    enum status status = read_bytes(f, &f->depth, entry, path, &bytes, &count);
+    enum status status = read_bytes(folder, &folder->depth, entry, path, &bytes, &count);
     if (status != OK)
         return status;
     void *pixels;
-    status = read_png(f, false, path, bytes, count, &pixels);
+    status = read_png(folder, false, path, bytes, count, &pixels);
     free(bytes);
     if (status != OK)
         return status;
     size_t area = (size_t)lens->width * (size_t)lens->height;
     const uint16_t *units = pixels;
     for (size_t i = 0; i < area; i++)
-        f->mm[i] = f->to_mm[units[i]];
+        folder->mm[i] = folder->to_mm[units[i]];
     free(pixels);
-    out->depth = f->mm;
+    out->depth = folder->mm;
     return OK;
 }
 
 // Refuses a folder of the wrong image size, or of images of another kind, on opening, by its first image. Other
 // faults of that image are reported when it is read.
-static enum status check_first(struct folder *f, const struct image_list *list, const struct lens *lens,
+static enum status check_first(struct folder *folder, const struct image_list *list, const struct lens *lens,
                                const char *what)
 {
     char path[PATH_BYTES];
     uint8_t *bytes;
     size_t count;
     int width, height;
-    if (!list->count || read_bytes(f, list, list->entries, path, &bytes, &count) != OK)
+    if (!list->count || read_bytes(folder, list, list->entries, path, &bytes, &count) != OK)
         return OK;
     enum status status = OK;
-    if (list == &f->color && is_jpeg(bytes, count)) {
+    if (list == &folder->color && is_jpeg(bytes, count)) {
         status = jpeg_size(bytes, count, &width, &height);
         if (status == OK)
             status = check_size(path, width, height, lens, what);
         else
-            status = status == ERR_INPUT ? damaged(status, path) : OK; // the former: of a kind that none of them can be
+            status = status == ERR_INPUT ? report_damaged_file(status, path)
+                                         : OK; // the former: of a kind that none of them can be
     } else if (file_kind_of(bytes, count, count) && !is_png(bytes, count)) {
-        status = refuse_kind(list == &f->color, bytes, count, path);
+        status = refuse_kind(list == &folder->color, bytes, count, path);
     } else if (png_size(bytes, count, path, &width, &height) == OK) {
         status = check_size(path, width, height, lens, what);
     }
@@ -446,80 +447,81 @@ static void folder_close(void *self)
     free(f);
 }
 
-static enum status read_lists(struct folder *f, enum source_wanted wanted)
+static enum status read_lists(struct folder *folder, enum source_wanted wanted)
 {
-    enum status status = read_list(&f->color, f->dir, "rgb.txt");
+    enum status status = read_list(&folder->color, folder->dir, "rgb.txt");
     bool has_color = status == OK;
     if (status == ERR_MISSING && wanted == SOURCE_CAMERA)
-        return fail(ERR_MISSING, "%s/rgb.txt is missing: no list of colour pictures, no camera", f->dir);
+        return fail(ERR_MISSING, "%s/rgb.txt is missing: no list of colour pictures, no camera", folder->dir);
     if (status != OK && status != ERR_MISSING)
         return status;
-    f->lead = &f->color;
+    folder->lead = &folder->color;
     if (wanted == SOURCE_CAMERA)
         return OK;
-    f->lead = &f->depth;
-    status = read_list(&f->depth, f->dir, "depth.txt");
+    folder->lead = &folder->depth;
+    status = read_list(&folder->depth, folder->dir, "depth.txt");
     if (status == ERR_MISSING)
-        return has_color ? fail(ERR_INPUT,
-                                "%s has colour but no depth (depth.txt is missing), so it is no depth sensor", f->dir)
-                         : fail(ERR_MISSING, "%s has neither rgb.txt nor depth.txt: no pictures", f->dir);
+        return has_color
+                   ? fail(ERR_INPUT, "%s has colour but no depth (depth.txt is missing), so it is no depth sensor",
+                          folder->dir)
+                   : fail(ERR_MISSING, "%s has neither rgb.txt nor depth.txt: no pictures", folder->dir);
     return status;
 }
 
 // Removes the lenses of images that the folder does not have. ERR_INPUT: the lens of images that it has is missing.
-static enum status match_calibration(const struct folder *f, struct calibration *c)
+static enum status match_calibration(const struct folder *folder, struct calibration *calibration)
 {
-    if (f->color.count && !c->color.width)
-        return fail(ERR_INPUT, "%s/calibration.json: 'color' is missing, but there is an rgb.txt", f->dir);
-    if (f->depth.count && !c->depth.width)
-        return fail(ERR_INPUT, "%s/calibration.json: 'depth' is missing, but there is a depth.txt", f->dir);
-    if (!f->color.count)
-        c->color = (struct lens){0};
-    if (!f->depth.count)
-        c->depth = (struct lens){0};
+    if (folder->color.count && !calibration->color.width)
+        return fail(ERR_INPUT, "%s/calibration.json: 'color' is missing, but there is an rgb.txt", folder->dir);
+    if (folder->depth.count && !calibration->depth.width)
+        return fail(ERR_INPUT, "%s/calibration.json: 'depth' is missing, but there is a depth.txt", folder->dir);
+    if (!folder->color.count)
+        calibration->color = (struct lens){0};
+    if (!folder->depth.count)
+        calibration->depth = (struct lens){0};
     return OK;
 }
 
-static enum status alloc_buffers(struct folder *f, const struct calibration *c, double unit_m)
+static enum status alloc_buffers(struct folder *folder, const struct calibration *calibration, double unit_m)
 {
-    f->rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
-    f->mm = malloc((size_t)c->depth.width * (size_t)c->depth.height * sizeof *f->mm + 1);
-    f->to_mm = calloc(65536, sizeof *f->to_mm);
-    for (int raw = 0; f->to_mm && raw < 65535; raw++) { // 65535 stays 0
+    folder->rgb = malloc((size_t)calibration->color.width * (size_t)calibration->color.height * 3 + 1);
+    folder->mm = malloc((size_t)calibration->depth.width * (size_t)calibration->depth.height * sizeof *folder->mm + 1);
+    folder->to_mm = calloc(65536, sizeof *folder->to_mm);
+    for (int raw = 0; folder->to_mm && raw < 65535; raw++) { // 65535 stays 0
         double mm = round(raw * (unit_m / 0.001));
-        f->to_mm[raw] = mm <= 65535 ? (uint16_t)mm : 0;
+        folder->to_mm[raw] = mm <= 65535 ? (uint16_t)mm : 0;
     }
-    if (!f->rgb || !f->mm || !f->to_mm)
-        return fail(ERR_MEMORY, "no memory for the pictures of %s", f->dir);
+    if (!folder->rgb || !folder->mm || !folder->to_mm)
+        return fail(ERR_MEMORY, "no memory for the pictures of %s", folder->dir);
     return OK;
 }
 
-static enum status open_steps(struct folder *f, enum source_wanted wanted)
+static enum status open_steps(struct folder *folder, enum source_wanted wanted)
 {
-    struct calibration *c = &f->facts->calibration;
+    struct calibration *c = &folder->facts->calibration;
     char path[PATH_BYTES];
     double unit_m;
-    if (!file_exists(f->dir))
-        return fail(ERR_MISSING, "there is no folder %s", f->dir);
+    if (!file_exists(folder->dir))
+        return fail(ERR_MISSING, "there is no folder %s", folder->dir);
     struct stat about;
-    const char *kind = file_kind(f->dir);
-    if (!stat(f->dir, &about) && !S_ISDIR(about.st_mode))
-        return fail(ERR_INPUT, "%s is no folder of pictures: it is %s", f->dir, kind ? kind : "a file");
-    if (snprintf(path, sizeof path, "%s/calibration.json", f->dir) >= (int)sizeof path)
-        return fail(ERR_INPUT, "the path %.60s… is too long", f->dir);
+    const char *kind = file_kind(folder->dir);
+    if (!stat(folder->dir, &about) && !S_ISDIR(about.st_mode))
+        return fail(ERR_INPUT, "%s is no folder of pictures: it is %s", folder->dir, kind ? kind : "a file");
+    if (snprintf(path, sizeof path, "%s/calibration.json", folder->dir) >= (int)sizeof path)
+        return fail(ERR_INPUT, "the path %.60s… is too long", folder->dir);
     enum status status = calibration_read_with_unit(path, c, &unit_m);
     if (status == OK)
-        status = read_lists(f, wanted);
+        status = read_lists(folder, wanted);
     if (status == OK)
-        status = match_calibration(f, c);
+        status = match_calibration(folder, c);
     if (status == OK && wanted == SOURCE_SENSOR)
-        status = pair_images(f);
+        status = pair_images(folder);
     if (status == OK)
-        status = check_first(f, &f->color, &c->color, "color");
+        status = check_first(folder, &folder->color, &c->color, "color");
     if (status == OK)
-        status = check_first(f, &f->depth, &c->depth, "depth");
+        status = check_first(folder, &folder->depth, &c->depth, "depth");
     if (status == OK)
-        status = alloc_buffers(f, c, unit_m);
+        status = alloc_buffers(folder, c, unit_m);
     return status;
 }
 

@@ -20,12 +20,6 @@ extern "C" {
 #include "platform/sensors/source_internal.h"
 #pragma GCC diagnostic pop
 
-#include <libcamera/libcamera.h>
-
-#include <linux/dma-buf.h>
-#include <sys/ioctl.h>
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
@@ -33,11 +27,15 @@ extern "C" {
 #include <cstdlib>
 #include <cstring>
 #include <functional>
+#include <libcamera/libcamera.h>
+#include <linux/dma-buf.h>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <new>
 #include <string>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
 #include <utility>
 #include <vector>
 

@@ -42,9 +42,9 @@ struct oni_file {
 // ------------------------------------------------------------- the player's start and end
 
 // In the new process, which has one thread: nothing here takes a lock.
-static _Noreturn void become_player(const struct oni_file *f, int channel)
+static _Noreturn void become_player(const struct oni_file *file, int channel)
 {
-    const int given[] = {channel, f->file, f->memory};
+    const int given[] = {channel, file->file, file->memory};
     int high[COUNT_OF(given)];
     const int nothing = open("/dev/null", O_RDONLY); // what libraries say when they break is nobody's
     for (size_t i = 0; i < COUNT_OF(given); i++)
@@ -57,102 +57,102 @@ static _Noreturn void become_player(const struct oni_file *f, int channel)
     setpgid(0, 0); // Ctrl-C is the program's, which ends in good order
     // No core files of strangers' damage. 1, not 0: that holds for a core_pattern that is a pipe, too.
     setrlimit(RLIMIT_CORE, &(struct rlimit){1, 1});
-    char *const words[] = {(char *)(uintptr_t)oni_player_name, f->name, NULL};
+    char *const words[] = {(char *)(uintptr_t)oni_player_name, file->name, NULL};
     execv("/proc/self/exe", words);
-    oni_player_run(f->name); // under an emulator, which cannot start what it emulates
+    oni_player_run(file->name); // under an emulator, which cannot start what it emulates
 }
 
-static enum status start_player(struct oni_file *f)
+static enum status start_player(struct oni_file *file)
 {
     int ends[2];
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
-        return fail(ERR_IO, "%s: no connection to a process that plays it: %s", f->name, strerror(errno));
-    f->channel = ends[0];
-    f->player = fork();
-    if (f->player == 0)
-        become_player(f, ends[1]);
+        return fail(ERR_IO, "%s: no connection to a process that plays it: %s", file->name, strerror(errno));
+    file->channel = ends[0];
+    file->player = fork();
+    if (file->player == 0)
+        become_player(file, ends[1]);
     close(ends[1]);
-    if (f->player > 0)
+    if (file->player > 0)
         return OK;
-    f->player = 0;
-    return fail(ERR_MEMORY, "%s: the process that plays it does not start: %s", f->name, strerror(errno));
+    file->player = 0;
+    return fail(ERR_MEMORY, "%s: the process that plays it does not start: %s", file->name, strerror(errno));
 }
 
 // Returns the signal that had ended it before; 0: none.
-static int end_player(struct oni_file *f)
+static int end_player(struct oni_file *file)
 {
     int how = 0;
-    if (!f->player)
+    if (!file->player)
         return 0;
-    kill(f->player, SIGKILL);
-    while (waitpid(f->player, &how, 0) < 0 && errno == EINTR)
+    kill(file->player, SIGKILL);
+    while (waitpid(file->player, &how, 0) < 0 && errno == EINTR)
         ;
-    f->player = 0;
+    file->player = 0;
     return WIFSIGNALED(how) ? WTERMSIG(how) : 0;
 }
 
 // No answer: the player has ended (lost), or does not come to an end.
-static enum status no_answer(struct oni_file *f, bool lost)
+static enum status no_answer(struct oni_file *file, bool lost)
 {
     // A dead one keeps the signal that ended it; the one of end_player then comes too late.
-    const int by = lost ? end_player(f) : (end_player(f), 0);
+    const int by = lost ? end_player(file) : (end_player(file), 0);
     char where[64] = "while it opens it";
-    if (f->pictures)
-        snprintf(where, sizeof where, "after %lld of its pictures", (long long)f->frames);
-    f->facts->remaining = 0;
+    if (file->pictures)
+        snprintf(where, sizeof where, "after %lld of its pictures", (long long)file->frames);
+    file->facts->remaining = 0;
     if (lost && by == SIGKILL)
         return fail(ERR_MEMORY, "%s cannot be read on: the process that plays it was killed; is memory short?",
-                    f->name);
+                    file->name);
     if (!lost)
-        return fail(ERR_INPUT, "%s is damaged: OpenNI2 comes to no end %s", f->name, where);
-    return fail(ERR_INPUT, "%s is damaged: OpenNI2 breaks down %s", f->name, where);
+        return fail(ERR_INPUT, "%s is damaged: OpenNI2 comes to no end %s", file->name, where);
+    return fail(ERR_INPUT, "%s is damaged: OpenNI2 breaks down %s", file->name, where);
 }
 
 // ------------------------------------------------------------- answers
 
-static enum status take_answer(struct oni_file *f, struct oni_reply *reply)
+static enum status take_answer(struct oni_file *file, struct oni_reply *reply)
 {
-    struct pollfd channel = {f->channel, POLLIN, 0};
+    struct pollfd channel = {file->channel, POLLIN, 0};
     int ready;
     while ((ready = poll(&channel, 1, ANSWER_MS)) < 0 && errno == EINTR)
         ;
     if (ready <= 0)
-        return no_answer(f, false);
-    if (recv(f->channel, reply, sizeof *reply, 0) != (ssize_t)sizeof *reply)
-        return no_answer(f, true);
+        return no_answer(file, false);
+    if (recv(file->channel, reply, sizeof *reply, 0) != (ssize_t)sizeof *reply)
+        return no_answer(file, true);
     reply->sentence[sizeof reply->sentence - 1] = 0;
     reply->name[sizeof reply->name - 1] = 0;
-    f->facts->remaining = reply->remaining;
-    f->facts->dropped = reply->dropped;
+    file->facts->remaining = reply->remaining;
+    file->facts->dropped = reply->dropped;
     return reply->status < 0 ? fail(reply->status, "%s", reply->sentence) : reply->status;
 }
 
 // Not everything a broken player says is believed.
-static enum status check_lens(const struct oni_file *f, const struct lens *lens, const char *what)
+static enum status check_lens(const struct oni_file *file, const struct lens *lens, const char *what)
 {
     if (lens->width < 1 || lens->height < 1 || lens->width > SIDE_MAX || lens->height > SIDE_MAX ||
         lens_check(lens, what) != OK)
-        return fail(ERR_INPUT, "%s is damaged: its %s pictures are of an impossible shape", f->name, what);
+        return fail(ERR_INPUT, "%s is damaged: its %s pictures are of an impossible shape", file->name, what);
     return OK;
 }
 
-static enum status map_pictures(struct oni_file *f, const struct calibration *c)
+static enum status map_pictures(struct oni_file *file, const struct calibration *calibration)
 {
     struct stat about;
-    enum status status = check_lens(f, &c->depth, "depth");
-    if (status == OK && c->color.width)
-        status = check_lens(f, &c->color, "colour");
+    enum status status = check_lens(file, &calibration->depth, "depth");
+    if (status == OK && calibration->color.width)
+        status = check_lens(file, &calibration->color, "colour");
     if (status != OK)
         return status;
-    f->picture_bytes = 2 * lens_pixels(&c->depth) + 3 * lens_pixels(&c->color);
+    file->picture_bytes = 2 * lens_pixels(&calibration->depth) + 3 * lens_pixels(&calibration->color);
     // Sealed: memory that got smaller later would be a signal here.
-    if (fcntl(f->memory, F_ADD_SEALS, F_SEAL_SHRINK) || fstat(f->memory, &about) ||
-        (uint64_t)about.st_size < f->picture_bytes)
-        return fail(ERR_MEMORY, "no memory for the pictures of %s", f->name);
-    void *pictures = mmap(NULL, f->picture_bytes, PROT_READ, MAP_SHARED, f->memory, 0);
+    if (fcntl(file->memory, F_ADD_SEALS, F_SEAL_SHRINK) || fstat(file->memory, &about) ||
+        (uint64_t)about.st_size < file->picture_bytes)
+        return fail(ERR_MEMORY, "no memory for the pictures of %s", file->name);
+    void *pictures = mmap(NULL, file->picture_bytes, PROT_READ, MAP_SHARED, file->memory, 0);
     if (pictures == MAP_FAILED)
-        return fail(ERR_MEMORY, "no memory for the pictures of %s", f->name);
-    f->pictures = pictures;
+        return fail(ERR_MEMORY, "no memory for the pictures of %s", file->name);
+    file->pictures = pictures;
     return OK;
 }
 
@@ -193,41 +193,41 @@ static void oni_close(void *self)
     free(f);
 }
 
-static enum status open_file(struct oni_file *f)
+static enum status open_file(struct oni_file *file)
 {
     struct stat about;
     uint8_t begin[FILE_KIND_BYTES];
-    f->file = open(f->name, O_RDONLY | O_CLOEXEC | O_NONBLOCK); // a pipe would be waited for
-    if (f->file < 0 || fstat(f->file, &about))
-        return errno == ENOENT || errno == ENOTDIR ? fail(ERR_MISSING, "there is no file %s", f->name)
-                                                   : fail(ERR_IO, "%s: %s", f->name, strerror(errno));
+    file->file = open(file->name, O_RDONLY | O_CLOEXEC | O_NONBLOCK); // a pipe would be waited for
+    if (file->file < 0 || fstat(file->file, &about))
+        return errno == ENOENT || errno == ENOTDIR ? fail(ERR_MISSING, "there is no file %s", file->name)
+                                                   : fail(ERR_IO, "%s: %s", file->name, strerror(errno));
     if (S_ISDIR(about.st_mode))
-        return fail(ERR_INPUT, "%s is a folder; pictures in one are opened as folder:%s", f->name, f->name);
+        return fail(ERR_INPUT, "%s is a folder; pictures in one are opened as folder:%s", file->name, file->name);
     if (!S_ISREG(about.st_mode))
-        return fail(ERR_INPUT, "%s is not a file", f->name);
-    const ssize_t count = pread(f->file, begin, sizeof begin, 0);
+        return fail(ERR_INPUT, "%s is not a file", file->name);
+    const ssize_t count = pread(file->file, begin, sizeof begin, 0);
     if (count < 0)
-        return fail(ERR_IO, "%s: %s", f->name, strerror(errno));
+        return fail(ERR_IO, "%s: %s", file->name, strerror(errno));
     if (count >= 4 && !memcmp(begin, "NI10", 4))
         return OK;
     const char *kind = file_kind_of(begin, (size_t)count, (uint64_t)about.st_size);
-    return fail(ERR_INPUT, "%s is no recording of OpenNI2%s%s", f->name, kind ? ": it is " : "", kind ? kind : "");
+    return fail(ERR_INPUT, "%s is no recording of OpenNI2%s%s", file->name, kind ? ": it is " : "", kind ? kind : "");
 }
 
-static enum status open_all(struct oni_file *f)
+static enum status open_all(struct oni_file *file)
 {
     struct oni_reply reply;
-    enum status status = open_file(f);
-    if (status == OK && (f->memory = memfd_create("pictures of an .oni file", MFD_CLOEXEC | MFD_ALLOW_SEALING)) < 0)
-        status = fail(ERR_MEMORY, "no memory for the pictures of %s: %s", f->name, strerror(errno));
+    enum status status = open_file(file);
+    if (status == OK && (file->memory = memfd_create("pictures of an .oni file", MFD_CLOEXEC | MFD_ALLOW_SEALING)) < 0)
+        status = fail(ERR_MEMORY, "no memory for the pictures of %s: %s", file->name, strerror(errno));
     if (status == OK)
-        status = start_player(f);
+        status = start_player(file);
     if (status == OK)
-        status = take_answer(f, &reply);
+        status = take_answer(file, &reply);
     if (status == OK)
-        status = map_pictures(f, &reply.calibration);
+        status = map_pictures(file, &reply.calibration);
     if (status == OK)
-        f->facts->calibration = reply.calibration;
+        file->facts->calibration = reply.calibration;
     return status;
 }
 
@@ -268,8 +268,8 @@ static void *end_with_program(void *nothing)
     return nothing;
 }
 
-static bool answer(struct oni_reply *reply, enum status status, const struct source_facts *facts,
-                   const struct frame *frame)
+static bool send_reply(struct oni_reply *reply, enum status status, const struct source_facts *facts,
+                       const struct frame *frame)
 {
     reply->status = status;
     snprintf(reply->sentence, sizeof reply->sentence, "%s", status < 0 ? status_message() : "");
@@ -296,7 +296,7 @@ static _Noreturn void oni_player_run(const char *name)
         status = fail(ERR_MEMORY, "no memory to play %s", name);
     if (status == OK)
         status = oni_play(&self, name, &facts);
-    while (answer(&reply, status, &facts, &frame) && self && recv(PLAYER_CHANNEL, &asked, 1, 0) == 1) {
+    while (send_reply(&reply, status, &facts, &frame) && self && recv(PLAYER_CHANNEL, &asked, 1, 0) == 1) {
         frame = (struct frame){0};
         status = openni_kind.next(self, &frame);
     }

@@ -163,8 +163,8 @@ static void image_stream_release_frames(struct image_stream *stream)
 // Times of no clock, in a damaged file, are all the same, so that those after the first do not rise.
 static int64_t time_of(const OniFrame *frame)
 {
-    const uint64_t most_us = INT64_MAX / 4000;
-    return (int64_t)(frame->timestamp < most_us ? frame->timestamp : most_us) * 1000;
+    const uint64_t max_us = INT64_MAX / 4000;
+    return (int64_t)(frame->timestamp < max_us ? frame->timestamp : max_us) * 1000;
 }
 
 static void drop_oldest(struct image_stream *stream, int how_many)
@@ -176,82 +176,82 @@ static void drop_oldest(struct image_stream *stream, int how_many)
 }
 
 // Waits at most `wait_ms` for an image and appends it to its queue. NOTHING: none came.
-static enum status openni_read_frame(struct openni_sensor *s, int wait_ms)
+static enum status openni_read_frame(struct openni_sensor *sensor, int wait_ms)
 {
-    struct image_stream *both[2] = {&s->depth, &s->color};
-    OniStreamHandle streams[2] = {s->depth.handle, s->color.handle};
+    struct image_stream *both[2] = {&sensor->depth, &sensor->color};
+    OniStreamHandle streams[2] = {sensor->depth.handle, sensor->color.handle};
     int index = 0;
     OniFrame *frame = NULL;
-    if (oniWaitForAnyStream(streams, s->color.handle ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
+    if (oniWaitForAnyStream(streams, sensor->color.handle ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
         oniStreamReadFrame(streams[index], &frame) != ONI_STATUS_OK || !frame)
         return NOTHING;
     struct image_stream *stream = both[index];
-    if (s->file)
+    if (sensor->file)
         gate_taken(stream, (struct gate_block *)((uint8_t *)frame->data - BLOCK_BYTES));
     if (stream->count == STREAM_QUEUE)
         drop_oldest(stream, 1);
     stream->queue[stream->count++] = frame;
-    struct stream_times *color = &s->facts->color_times;
-    if (stream == &s->color && (!color->count || time_of(frame) > color->last_ns))
+    struct stream_times *color = &sensor->facts->color_times;
+    if (stream == &sensor->color && (!color->count || time_of(frame) > color->last_ns))
         stream_times_add(color, time_of(frame));
-    s->got_frame = true;
+    sensor->got_frame = true;
     return OK;
 }
 
 // Whether it is decided which colour image, if any, belongs to the oldest depth image. For a file this depends only on
 // the order of the images, not on timing.
-static bool pairing_decided(const struct openni_sensor *s, bool over)
+static bool pairing_decided(const struct openni_sensor *sensor, bool over)
 {
-    if (!s->depth.count)
+    if (!sensor->depth.count)
         return false;
-    if (over || !s->color.handle)
+    if (over || !sensor->color.handle)
         return true;
-    if (s->color.count && time_of(s->color.queue[s->color.count - 1]) >= time_of(s->depth.queue[0]))
+    if (sensor->color.count && time_of(sensor->color.queue[sensor->color.count - 1]) >= time_of(sensor->depth.queue[0]))
         return true; // later images are further away
-    return s->depth.count >= (s->file ? STREAM_QUEUE : 2);
+    return sensor->depth.count >= (sensor->file ? STREAM_QUEUE : 2);
 }
 
-static enum status check_frame(const struct openni_sensor *s, const struct image_stream *stream, const OniFrame *frame,
-                               int pixel_bytes, const char *what)
+static enum status check_frame(const struct openni_sensor *sensor, const struct image_stream *stream,
+                               const OniFrame *frame, int pixel_bytes, const char *what)
 {
     int w = stream->mode.resolutionX, h = stream->mode.resolutionY;
     if (frame->width != w || frame->height != h)
-        return fail(ERR_INPUT, "%s: %s picture %d has %d x %d pixels where %d x %d were announced", s->name, what,
+        return fail(ERR_INPUT, "%s: %s picture %d has %d x %d pixels where %d x %d were announced", sensor->name, what,
                     frame->frameIndex, frame->width, frame->height, w, h);
     if (frame->stride < w * pixel_bytes || frame->dataSize < frame->stride * (h - 1) + w * pixel_bytes)
-        return fail(ERR_INPUT, "%s: %s picture %d is damaged", s->name, what, frame->frameIndex);
+        return fail(ERR_INPUT, "%s: %s picture %d is damaged", sensor->name, what, frame->frameIndex);
     return OK;
 }
 
-static enum status copy_depth(struct openni_sensor *s, const OniFrame *frame)
+static enum status copy_depth(struct openni_sensor *sensor, const OniFrame *frame)
 {
-    int w = s->depth.mode.resolutionX, h = s->depth.mode.resolutionY;
-    enum status status = check_frame(s, &s->depth, frame, 2, "depth");
+    int w = sensor->depth.mode.resolutionX, h = sensor->depth.mode.resolutionY;
+    enum status status = check_frame(sensor, &sensor->depth, frame, 2, "depth");
     if (status != OK)
         return status;
-    bool tenths = s->depth.mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
+    bool tenths = sensor->depth.mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
     for (int y = 0; y < h; y++) {
         const uint16_t *in =
             (const uint16_t *)(const void *)((const uint8_t *)frame->data + (size_t)y * (size_t)frame->stride);
-        uint16_t *out = s->mm + (size_t)y * (size_t)w;
+        uint16_t *out = sensor->mm + (size_t)y * (size_t)w;
         for (int x = 0; x < w; x++) {
-            int value = in[s->depth.mirrored ? w - 1 - x : x];
+            int value = in[sensor->depth.mirrored ? w - 1 - x : x];
             out[x] = (uint16_t)(tenths ? (value + 5) / 10 : value);
         }
     }
     return OK;
 }
 
-static enum status copy_color(struct openni_sensor *s, const OniFrame *frame)
+static enum status copy_color(struct openni_sensor *sensor, const OniFrame *frame)
 {
-    int w = s->color.mode.resolutionX, h = s->color.mode.resolutionY;
-    enum status status = check_frame(s, &s->color, frame, 3, "colour");
+    int w = sensor->color.mode.resolutionX, h = sensor->color.mode.resolutionY;
+    enum status status = check_frame(sensor, &sensor->color, frame, 3, "colour");
     if (status != OK)
         return status;
     for (int y = 0; y < h; y++) {
         const uint8_t *in = (const uint8_t *)frame->data + (size_t)y * (size_t)frame->stride;
-        uint8_t *out = s->rgb + (size_t)y * (size_t)w * 3;
-        if (!s->color.mirrored)
+        uint8_t *out = sensor->rgb + (size_t)y * (size_t)w * 3;
+        if (!sensor->color.mirrored)
             memcpy(out, in, (size_t)w * 3);
         else
             for (int x = 0; x < w; x++)
@@ -262,28 +262,29 @@ static enum status copy_color(struct openni_sensor *s, const OniFrame *frame)
 
 // Counts the depth images missing between the last one returned and the oldest in the queue. A sensor has dropped them;
 // in a file they are damaged, which is reported once, before the next image.
-static enum status count_gap(struct openni_sensor *s)
+static enum status count_gap(struct openni_sensor *sensor)
 {
-    const int index = s->depth.queue[0]->frameIndex;
-    const int64_t gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
+    const int index = sensor->depth.queue[0]->frameIndex;
+    const int64_t gap = sensor->last_index < 0 ? 0 : index - sensor->last_index - 1;
     if (gap <= 0)
         return OK;
-    s->facts->dropped += gap;
-    s->last_index = index - 1;
-    if (!s->file)
+    sensor->facts->dropped += gap;
+    sensor->last_index = index - 1;
+    if (!sensor->file)
         return OK;
-    s->facts->remaining = s->facts->remaining > gap ? s->facts->remaining - gap : s->facts->remaining;
-    return fail(ERR_INPUT, "%s: the %lld pictures before number %d are damaged and left out", s->name, (long long)gap,
-                index);
+    sensor->facts->remaining =
+        sensor->facts->remaining > gap ? sensor->facts->remaining - gap : sensor->facts->remaining;
+    return fail(ERR_INPUT, "%s: the %lld pictures before number %d are damaged and left out", sensor->name,
+                (long long)gap, index);
 }
 
 // The colour image nearest in time, at most half a frame away; -1: none.
-static int color_for(const struct openni_sensor *s, int64_t time_ns)
+static int color_for(const struct openni_sensor *sensor, int64_t time_ns)
 {
     int best = -1;
-    int64_t best_ns = s->half_frame_ns + 1;
-    for (int i = 0; i < s->color.count; i++) {
-        int64_t away_ns = llabs(time_of(s->color.queue[i]) - time_ns);
+    int64_t best_ns = sensor->half_frame_ns + 1;
+    for (int i = 0; i < sensor->color.count; i++) {
+        int64_t away_ns = llabs(time_of(sensor->color.queue[i]) - time_ns);
         if (away_ns < best_ns) {
             best = i;
             best_ns = away_ns;
@@ -293,47 +294,48 @@ static int color_for(const struct openni_sensor *s, int64_t time_ns)
 }
 
 // Makes a frame of the oldest depth image and its colour. NOTHING: it was dropped because its time does not rise.
-static enum status make_frame(struct openni_sensor *s, struct frame *out)
+static enum status make_frame(struct openni_sensor *sensor, struct frame *out)
 {
-    enum status status = count_gap(s);
+    enum status status = count_gap(sensor);
     if (status != OK)
         return status;
-    const OniFrame *depth = s->depth.queue[0];
+    const OniFrame *depth = sensor->depth.queue[0];
     int64_t time_ns = time_of(depth);
-    s->last_index = depth->frameIndex;
-    if (s->facts->remaining > 0)
-        s->facts->remaining--;
-    if (time_ns <= s->last_time_ns) {
-        s->facts->dropped++;
-        drop_oldest(&s->depth, 1);
+    sensor->last_index = depth->frameIndex;
+    if (sensor->facts->remaining > 0)
+        sensor->facts->remaining--;
+    if (time_ns <= sensor->last_time_ns) {
+        sensor->facts->dropped++;
+        drop_oldest(&sensor->depth, 1);
         return NOTHING;
     }
-    s->last_time_ns = time_ns;
-    stream_times_add(&s->facts->depth_times, time_ns);
+    sensor->last_time_ns = time_ns;
+    stream_times_add(&sensor->facts->depth_times, time_ns);
     out->time_ns = time_ns;
-    snprintf(out->name, sizeof out->name, "%04lld", (long long)s->handed_out++);
-    int color = color_for(s, time_ns);
-    s->facts->pairs += color >= 0;
-    status = copy_depth(s, depth);
+    snprintf(out->name, sizeof out->name, "%04lld", (long long)sensor->handed_out++);
+    int color = color_for(sensor, time_ns);
+    sensor->facts->pairs += color >= 0;
+    status = copy_depth(sensor, depth);
     if (status == OK && color >= 0)
-        status = copy_color(s, s->color.queue[color]);
-    out->depth = s->mm;
-    out->color = color >= 0 ? s->rgb : NULL;
-    drop_oldest(&s->depth, 1);
+        status = copy_color(sensor, sensor->color.queue[color]);
+    out->depth = sensor->mm;
+    out->color = color >= 0 ? sensor->rgb : NULL;
+    drop_oldest(&sensor->depth, 1);
     int used = color + 1; // and those before it; colour older than half a frame fits no later depth image
-    while (used < s->color.count && time_of(s->color.queue[used]) < time_ns - s->half_frame_ns)
+    while (used < sensor->color.count && time_of(sensor->color.queue[used]) < time_ns - sensor->half_frame_ns)
         used++;
-    drop_oldest(&s->color, used);
+    drop_oldest(&sensor->color, used);
     return status;
 }
 
 // Reports, once, a file that ends before the number of images it announced.
-static enum status at_end(struct openni_sensor *s)
+static enum status at_end(struct openni_sensor *sensor)
 {
-    int64_t lost = s->facts->remaining;
-    s->facts->remaining = 0;
+    int64_t lost = sensor->facts->remaining;
+    sensor->facts->remaining = 0;
     if (lost > 0)
-        return fail(ERR_INPUT, "%s breaks off %lld pictures before its end: it is damaged", s->name, (long long)lost);
+        return fail(ERR_INPUT, "%s breaks off %lld pictures before its end: it is damaged", sensor->name,
+                    (long long)lost);
     return NOTHING;
 }
 
@@ -405,8 +407,8 @@ static void drivers_folder(char *out, size_t size)
     Dl_info info;
     // dladdr takes an object pointer; POSIX allows the conversion.
     void *address;
-    OniStatus (*initialize)(int) = oniInitialize;
-    memcpy(&address, &initialize, sizeof address);
+    OniStatus (*initialize_openni)(int) = oniInitialize;
+    memcpy(&address, &initialize_openni, sizeof address);
     snprintf(out, size, "OpenNI2/Drivers");
     if (!dladdr(address, &info) || !info.dli_fname)
         return;
@@ -468,10 +470,10 @@ static int mode_score(const OniVideoMode *mode, OniSensorType type)
 }
 
 // Creates the stream in its best mode, not started. NOTHING: the device has no such stream.
-static enum status make_stream(struct openni_sensor *s, struct image_stream *stream, OniSensorType type)
+static enum status make_stream(struct openni_sensor *sensor, struct image_stream *stream, OniSensorType type)
 {
     const char *what = type == ONI_SENSOR_DEPTH ? "depth" : "colour";
-    const OniSensorInfo *info = oniDeviceGetSensorInfo(s->device, type);
+    const OniSensorInfo *info = oniDeviceGetSensorInfo(sensor->device, type);
     if (!info)
         return NOTHING;
     const OniVideoMode *best = NULL;
@@ -481,31 +483,32 @@ static enum status make_stream(struct openni_sensor *s, struct image_stream *str
             best = mode;
     }
     if (!best)
-        return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s gives its %s pictures in no format that can be used", s->name,
-                    what);
+        return fail(sensor->file ? ERR_INPUT : ERR_DEVICE, "%s gives its %s pictures in no format that can be used",
+                    sensor->name, what);
     stream->mode = *best;
     char why[200];
-    if (oniDeviceCreateStream(s->device, type, &stream->handle) != ONI_STATUS_OK) {
+    if (oniDeviceCreateStream(sensor->device, type, &stream->handle) != ONI_STATUS_OK) {
         stream->handle = NULL;
-        return fail(ERR_DEVICE, "%s gives no %s stream (OpenNI2: %s)", s->name, what, last_error(why));
+        return fail(ERR_DEVICE, "%s gives no %s stream (OpenNI2: %s)", sensor->name, what, last_error(why));
     }
-    if (!s->file && oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_VIDEO_MODE, &stream->mode,
-                                         sizeof stream->mode) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels (OpenNI2: %s)", s->name, what,
+    if (!sensor->file && oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_VIDEO_MODE, &stream->mode,
+                                              sizeof stream->mode) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels (OpenNI2: %s)", sensor->name, what,
                     stream->mode.resolutionX, stream->mode.resolutionY, last_error(why));
     OniBool mirrored = FALSE;
     int size = sizeof mirrored;
-    if (!s->file)
+    if (!sensor->file)
         oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
     if (oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
         stream->mirrored = mirrored; // some devices ignore the setting, and files cannot change it
-    if (s->file && oniStreamSetFrameBuffersAllocator(stream->handle, gate_alloc, gate_free, stream) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture (OpenNI2: %s)", s->name, what,
+    if (sensor->file &&
+        oniStreamSetFrameBuffersAllocator(stream->handle, gate_alloc, gate_free, stream) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture (OpenNI2: %s)", sensor->name, what,
                     last_error(why));
     return OK;
 }
 
-static enum status read_lens(const struct openni_sensor *s, const struct image_stream *stream, const char *what,
+static enum status read_lens(const struct openni_sensor *sensor, const struct image_stream *stream, const char *what,
                              struct lens *lens)
 {
     float h = 0, v = 0;
@@ -513,7 +516,8 @@ static enum status read_lens(const struct openni_sensor *s, const struct image_s
     if (oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &h, &h_size) != ONI_STATUS_OK ||
         oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_VERTICAL_FOV, &v, &v_size) != ONI_STATUS_OK ||
         !(h > 0.1f && h < 3.0f) || !(v > 0.1f && v < 3.0f))
-        return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s does not say how wide its %s camera sees", s->name, what);
+        return fail(sensor->file ? ERR_INPUT : ERR_DEVICE, "%s does not say how wide its %s camera sees", sensor->name,
+                    what);
     int w = stream->mode.resolutionX, height = stream->mode.resolutionY;
     *lens = (struct lens){.width = w,
                           .height = height,
@@ -526,105 +530,107 @@ static enum status read_lens(const struct openni_sensor *s, const struct image_s
 
 // What `calibrate` measured of this very sensor, by its serial number; one that states none is known by its name and
 // port.
-static enum status apply_calibration(struct openni_sensor *s)
+static enum status apply_calibration(struct openni_sensor *sensor)
 {
     char serial[100] = "";
     int size = sizeof serial - 1;
-    if (oniDeviceGetProperty(s->device, ONI_DEVICE_PROPERTY_SERIAL_NUMBER, serial, &size) != ONI_STATUS_OK)
+    if (oniDeviceGetProperty(sensor->device, ONI_DEVICE_PROPERTY_SERIAL_NUMBER, serial, &size) != ONI_STATUS_OK)
         serial[0] = 0;
-    snprintf(s->facts->camera_id, sizeof s->facts->camera_id, "openni-%.100s", *serial ? serial : s->uri);
-    return device_calibration_apply(s->facts->camera_id, &s->facts->calibration);
+    snprintf(sensor->facts->camera_id, sizeof sensor->facts->camera_id, "openni-%.100s",
+             *serial ? serial : sensor->uri);
+    return device_calibration_apply(sensor->facts->camera_id, &sensor->facts->calibration);
 }
 
-static enum status calibrate(struct openni_sensor *s)
+static enum status read_calibration(struct openni_sensor *sensor)
 {
-    struct calibration *c = &s->facts->calibration;
+    struct calibration *c = &sensor->facts->calibration;
     *c = (struct calibration){.registered = true, .color_from_depth = POSE_IDENTITY};
-    enum status status = read_lens(s, &s->depth, "depth", &c->depth);
-    if (status != OK || !s->color.handle)
+    enum status status = read_lens(sensor, &sensor->depth, "depth", &c->depth);
+    if (status != OK || !sensor->color.handle)
         return status;
-    if ((status = read_lens(s, &s->color, "colour", &c->color)) != OK)
+    if ((status = read_lens(sensor, &sensor->color, "colour", &c->color)) != OK)
         return status;
-    if (!s->file) {
+    if (!sensor->file) {
         OniImageRegistrationMode mode = ONI_IMAGE_REGISTRATION_DEPTH_TO_COLOR;
-        c->registered = oniDeviceIsImageRegistrationModeSupported(s->device, mode) &&
-                        oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION, &mode, sizeof mode) ==
-                            ONI_STATUS_OK;
+        c->registered = oniDeviceIsImageRegistrationModeSupported(sensor->device, mode) &&
+                        oniDeviceSetProperty(sensor->device, ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION, &mode,
+                                             sizeof mode) == ONI_STATUS_OK;
     }
     if (c->registered) { // the colour camera's lens, at the depth image's size
         double scale = (double)c->depth.width / c->color.width;
         c->depth.fx = c->color.fx * scale;
         c->depth.fy = c->color.fy * scale;
     }
-    return s->file ? OK : apply_calibration(s);
+    return sensor->file ? OK : apply_calibration(sensor);
 }
 
 // Room for the pictures: a file's in the memory that the program maps, depth first.
-static enum status make_pictures(struct openni_sensor *s)
+static enum status make_pictures(struct openni_sensor *sensor)
 {
-    const OniVideoMode *d = &s->depth.mode, *c = &s->color.mode;
-    const size_t depth_bytes = (size_t)d->resolutionX * (size_t)d->resolutionY * sizeof *s->mm;
+    const OniVideoMode *d = &sensor->depth.mode, *c = &sensor->color.mode;
+    const size_t depth_bytes = (size_t)d->resolutionX * (size_t)d->resolutionY * sizeof *sensor->mm;
     const size_t color_bytes = (size_t)c->resolutionX * (size_t)c->resolutionY * 3;
-    s->pictures_bytes = depth_bytes + color_bytes;
-    if (!s->file)
-        s->pictures = malloc(s->pictures_bytes);
-    else if (!ftruncate(PLAYER_MEMORY, (off_t)s->pictures_bytes))
-        s->pictures = mmap(NULL, s->pictures_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, PLAYER_MEMORY, 0);
-    if (!s->pictures || s->pictures == MAP_FAILED) {
-        s->pictures = NULL;
-        return fail(ERR_MEMORY, "no memory for the pictures of %s", s->name);
+    sensor->pictures_bytes = depth_bytes + color_bytes;
+    if (!sensor->file)
+        sensor->pictures = malloc(sensor->pictures_bytes);
+    else if (!ftruncate(PLAYER_MEMORY, (off_t)sensor->pictures_bytes))
+        sensor->pictures = mmap(NULL, sensor->pictures_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, PLAYER_MEMORY, 0);
+    if (!sensor->pictures || sensor->pictures == MAP_FAILED) {
+        sensor->pictures = NULL;
+        return fail(ERR_MEMORY, "no memory for the pictures of %s", sensor->name);
     }
-    s->mm = s->pictures;
-    s->rgb = (uint8_t *)s->pictures + depth_bytes;
+    sensor->mm = sensor->pictures;
+    sensor->rgb = (uint8_t *)sensor->pictures + depth_bytes;
     return OK;
 }
 
-static enum status make_streams(struct openni_sensor *s)
+static enum status make_streams(struct openni_sensor *sensor)
 {
-    enum status status = make_stream(s, &s->depth, ONI_SENSOR_DEPTH);
+    enum status status = make_stream(sensor, &sensor->depth, ONI_SENSOR_DEPTH);
     if (status == NOTHING)
-        return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s has no depth", s->name);
-    if (status == OK && (status = make_stream(s, &s->color, ONI_SENSOR_COLOR)) == NOTHING)
+        return fail(sensor->file ? ERR_INPUT : ERR_DEVICE, "%s has no depth", sensor->name);
+    if (status == OK && (status = make_stream(sensor, &sensor->color, ONI_SENSOR_COLOR)) == NOTHING)
         status = OK;
     if (status == OK)
-        status = calibrate(s);
+        status = read_calibration(sensor);
     if (status != OK)
         return status;
-    if ((status = make_pictures(s)) != OK)
+    if ((status = make_pictures(sensor)) != OK)
         return status;
-    s->half_frame_ns = 500000000 / (s->depth.mode.fps > 0 ? s->depth.mode.fps : 30);
-    if (s->file) {
+    sensor->half_frame_ns = 500000000 / (sensor->depth.mode.fps > 0 ? sensor->depth.mode.fps : 30);
+    if (sensor->file) {
         int count = -1, size = sizeof count;
-        if (oniStreamGetProperty(s->depth.handle, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
+        if (oniStreamGetProperty(sensor->depth.handle, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
                 ONI_STATUS_OK &&
             count >= 0)
-            s->facts->remaining = count;
+            sensor->facts->remaining = count;
     }
     return OK;
 }
 
 // A file's player runs as soon as one stream is started and would drop the other stream's first images. At speed -1 it
 // waits, so both streams are started before it plays.
-static enum status start(struct openni_sensor *s)
+static enum status start_streams(struct openni_sensor *sensor)
 {
     char why[200];
     float paused = -1, as_fast_as_read = 0;
     OniBool repeat = FALSE;
-    if (s->file &&
-        (oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED, &repeat, sizeof repeat) !=
-             ONI_STATUS_OK ||
-         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &paused, sizeof paused) != ONI_STATUS_OK))
-        return fail(ERR_DEVICE, "%s cannot be played picture by picture (OpenNI2: %s)", s->name, last_error(why));
-    if (oniStreamStart(s->depth.handle) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s does not start its depth (OpenNI2: %s)", s->name, last_error(why));
-    if (s->color.handle && oniStreamStart(s->color.handle) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s does not start its colour (OpenNI2: %s)", s->name, last_error(why));
-    if (s->file) {
-        oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &as_fast_as_read, sizeof as_fast_as_read);
-        for (int ms = 0; !s->got_frame && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
-            status_ignore(openni_read_frame(s, SLICE_MS)); // the first image stays queued for openni_next
-    } else if (s->color.handle) {
-        oniDeviceEnableDepthColorSync(s->device); // optional: frames are paired by time in any case
+    if (sensor->file && (oniDeviceSetProperty(sensor->device, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED, &repeat,
+                                              sizeof repeat) != ONI_STATUS_OK ||
+                         oniDeviceSetProperty(sensor->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &paused,
+                                              sizeof paused) != ONI_STATUS_OK))
+        return fail(ERR_DEVICE, "%s cannot be played picture by picture (OpenNI2: %s)", sensor->name, last_error(why));
+    if (oniStreamStart(sensor->depth.handle) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s does not start its depth (OpenNI2: %s)", sensor->name, last_error(why));
+    if (sensor->color.handle && oniStreamStart(sensor->color.handle) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s does not start its colour (OpenNI2: %s)", sensor->name, last_error(why));
+    if (sensor->file) {
+        oniDeviceSetProperty(sensor->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &as_fast_as_read,
+                             sizeof as_fast_as_read);
+        for (int ms = 0; !sensor->got_frame && !atomic_load(&sensor->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
+            status_ignore(openni_read_frame(sensor, SLICE_MS)); // the first image stays queued for openni_next
+    } else if (sensor->color.handle) {
+        oniDeviceEnableDepthColorSync(sensor->device); // optional: frames are paired by time in any case
     }
     return OK;
 }
@@ -669,7 +675,7 @@ static void openni_close(void *self)
 }
 
 // OpenNI2 up and running; ERR_DEVICE with its reason.
-static enum status initialize(void)
+static enum status initialize_openni(void)
 {
     char why[200];
     if (oniInitialize(ONI_API_VERSION) == ONI_STATUS_OK)
@@ -680,7 +686,7 @@ static enum status initialize(void)
 }
 
 // Learns the URI and the name of the device with that number.
-static enum status find_device(struct openni_sensor *s, int index)
+static enum status find_device(struct openni_sensor *sensor, int index)
 {
     OniDeviceInfo *list = NULL;
     int count = 0;
@@ -688,13 +694,13 @@ static enum status find_device(struct openni_sensor *s, int index)
         count = 0;
     enum status status = index < count ? OK : no_sensor(index, count);
     if (status == OK) {
-        snprintf(s->uri, sizeof s->uri, "%s", list[index].uri);
+        snprintf(sensor->uri, sizeof sensor->uri, "%s", list[index].uri);
         char name[2 * ONI_MAX_STR + 20];
         snprintf(name, sizeof name, "the sensor %s %s", list[index].vendor, list[index].name);
         char *named = strdup(name);
         if (named) {
-            free(s->name);
-            s->name = named;
+            free(sensor->name);
+            sensor->name = named;
         }
     }
     if (list)
@@ -702,24 +708,24 @@ static enum status find_device(struct openni_sensor *s, int index)
     return status;
 }
 
-static enum status open_device(struct openni_sensor *s)
+static enum status open_device(struct openni_sensor *sensor)
 {
     OniDeviceCallbacks callbacks = {NULL, on_disconnected, on_state};
-    if (oniRegisterDeviceCallbacks(&callbacks, s, &s->callbacks) != ONI_STATUS_OK)
-        s->callbacks = NULL;
+    if (oniRegisterDeviceCallbacks(&callbacks, sensor, &sensor->callbacks) != ONI_STATUS_OK)
+        sensor->callbacks = NULL;
     char why[200];
-    if (oniDeviceOpen(s->uri, &s->device) != ONI_STATUS_OK) {
-        s->device = NULL;
-        return s->file ? fail(ERR_INPUT,
-                              "%s is cut short or damaged: OpenNI2 does not play it; was it copied whole, and its "
-                              "recording ended in good order?",
-                              s->name)
-                       : fail(ERR_DEVICE, "%s does not open (OpenNI2: %s)", s->name, last_error(why));
+    if (oniDeviceOpen(sensor->uri, &sensor->device) != ONI_STATUS_OK) {
+        sensor->device = NULL;
+        return sensor->file ? fail(ERR_INPUT,
+                                   "%s is cut short or damaged: OpenNI2 does not play it; was it copied whole, and its "
+                                   "recording ended in good order?",
+                                   sensor->name)
+                            : fail(ERR_DEVICE, "%s does not open (OpenNI2: %s)", sensor->name, last_error(why));
     }
-    if (s->file)
+    if (sensor->file)
         clock_sleep_until_ns(clock_now_ns() + PLAYER_IDLE_NS / 5);
-    enum status status = make_streams(s);
-    return status == OK ? start(s) : status;
+    enum status status = make_streams(sensor);
+    return status == OK ? start_streams(sensor) : status;
 }
 
 static struct openni_sensor *new_sensor(bool file, const char *name, struct source_facts *facts)
@@ -743,21 +749,21 @@ static struct openni_sensor *new_sensor(bool file, const char *name, struct sour
     return s;
 }
 
-// Takes over `s`; closes it on error. index: of the device; -1 for a file, whose URI is known.
-static enum status finish_open(struct openni_sensor *s, int index, void **self)
+// Takes over `sensor`; closes it on error. index: of the device; -1 for a file, whose URI is known.
+static enum status finish_open(struct openni_sensor *sensor, int index, void **self)
 {
     pthread_mutex_lock(&opening);
-    enum status status = initialize();
-    s->initialized = status == OK;
+    enum status status = initialize_openni();
+    sensor->initialized = status == OK;
     if (status == OK && index >= 0)
-        status = find_device(s, index);
+        status = find_device(sensor, index);
     if (status == OK)
-        status = open_device(s);
+        status = open_device(sensor);
     pthread_mutex_unlock(&opening);
     if (status == OK)
-        *self = s;
+        *self = sensor;
     else
-        openni_close(s);
+        openni_close(sensor);
     return status;
 }
 
@@ -791,7 +797,7 @@ enum status openni_devices(struct source_device *out, int capacity, int *count)
 {
     *count = 0;
     pthread_mutex_lock(&opening);
-    enum status status = initialize();
+    enum status status = initialize_openni();
     if (status == OK) {
         OniDeviceInfo *list = NULL;
         int found = 0;

@@ -91,19 +91,19 @@ enum status source_open(struct source **out, const char *uri, enum source_wanted
     return fail(ERR_INPUT, "'%s' names no %s; a %s is %s", uri, what, what, choice);
 }
 
-const struct calibration *source_calibration(const struct source *s) { return &s->facts.calibration; }
+const struct calibration *source_calibration(const struct source *source) { return &source->facts.calibration; }
 
-bool source_is_live(const struct source *s) { return s->facts.live; }
+bool source_is_live(const struct source *source) { return source->facts.live; }
 
-int64_t source_remaining(const struct source *s) { return s->facts.remaining; }
+int64_t source_remaining(const struct source *source) { return source->facts.remaining; }
 
-int64_t source_dropped(const struct source *s) { return s->facts.dropped; }
+int64_t source_dropped(const struct source *source) { return source->facts.dropped; }
 
-const char *source_clocks(const struct source *s, char out[STREAM_CLOCKS_TEXT_BYTES])
+const char *source_clocks(const struct source *source, char out[STREAM_CLOCKS_TEXT_BYTES])
 {
     const struct clock_finding found =
-        stream_clocks_judge(&s->facts.color_times, &s->facts.depth_times, s->facts.pairs);
-    return stream_clocks_text(&found, s->facts.listed, out);
+        stream_clocks_judge(&source->facts.color_times, &source->facts.depth_times, source->facts.pairs);
+    return stream_clocks_text(&found, source->facts.listed, out);
 }
 
 enum status source_save_lens(const struct source *s, const struct lens *lens)
@@ -123,7 +123,7 @@ enum status source_save_calibration(const struct source *s, const struct calibra
     return *s->facts.camera_id ? device_calibration_save(s->facts.camera_id, calibration) : NOTHING;
 }
 
-void source_enable_dmabuf(struct source *s) { s->facts.dmabuf_enabled = true; }
+void source_enable_dmabuf(struct source *source) { source->facts.dmabuf_enabled = true; }
 
 enum status source_next(struct source *s, struct frame *out)
 {
@@ -134,13 +134,13 @@ enum status source_next(struct source *s, struct frame *out)
     return status;
 }
 
-void source_close(struct source **s)
+void source_close(struct source **source)
 {
-    if (!*s)
+    if (!*source)
         return;
-    (*s)->kind->close((*s)->self);
-    free(*s);
-    *s = NULL;
+    (*source)->kind->close((*source)->self);
+    free(*source);
+    *source = NULL;
 }
 
 // A kind that cannot enumerate (no driver, no camera stack) counts as having no devices.

@@ -41,13 +41,13 @@ enum source_wanted { SOURCE_SENSOR, SOURCE_CAMERA };
 MUST_CHECK enum status source_open(struct source **out, const char *uri, enum source_wanted wanted);
 
 // Valid until source_close.
-const struct calibration *source_calibration(const struct source *s);
+const struct calibration *source_calibration(const struct source *source);
 
 // A live source drops frames that are not fetched in time; a recorded one waits.
-bool source_is_live(const struct source *s);
+bool source_is_live(const struct source *source);
 
 // Frames still to come; -1: unknown.
-int64_t source_remaining(const struct source *s);
+int64_t source_remaining(const struct source *source);
 
 // OK: *out is filled; its pixels are borrowed until the next call on `s`.
 // NOTHING: the end. ERR_DEVICE: unplugged. ERR_INPUT: a damaged image, with its
@@ -63,16 +63,16 @@ MUST_CHECK enum status source_save_lens(const struct source *s, const struct len
 MUST_CHECK enum status source_save_calibration(const struct source *s, const struct calibration *calibration);
 
 // From now on frames have `dmabuf` where the source can export it and not too many are unreleased.
-void source_enable_dmabuf(struct source *s);
+void source_enable_dmabuf(struct source *source);
 
 // Frames that the source received but did not return.
-int64_t source_dropped(const struct source *s);
+int64_t source_dropped(const struct source *source);
 
 // Whether a sensor's two streams run by one clock: why colour is missing, or is that of other moments. In words as
 // stream_clocks_text(); "": nothing is known against it. Of a folder, at once; of other sources, by the images so far.
-const char *source_clocks(const struct source *s, char out[STREAM_CLOCKS_TEXT_BYTES]);
+const char *source_clocks(const struct source *source, char out[STREAM_CLOCKS_TEXT_BYTES]);
 
-void source_close(struct source **s); // NULL is fine; sets *s = NULL
+void source_close(struct source **source); // NULL is fine; sets *source = NULL
 
 // One line for each device that could be opened, for `reenact-capture devices`.
 struct source_device {

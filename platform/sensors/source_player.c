@@ -15,57 +15,61 @@ enum status source_player_open(struct source_player *p, const char *uri, enum so
     return p->uri ? OK : fail(ERR_MEMORY, "no memory for the source's name");
 }
 
-void source_player_close(struct source_player *p)
+void source_player_close(struct source_player *player)
 {
-    worker_thread_close(&p->worker);
-    source_close(&p->source);
-    free(p->uri);
-    p->uri = NULL;
+    worker_thread_close(&player->worker);
+    source_close(&player->source);
+    free(player->uri);
+    player->uri = NULL;
 }
 
-void source_player_suspend(struct source_player *p, bool suspend)
+void source_player_suspend(struct source_player *player, bool suspend)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    p->suspended = suspend;
-    pthread_cond_broadcast(&p->worker.changed);
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&player->worker.lock);
+    player->suspended = suspend;
+    pthread_cond_broadcast(&player->worker.changed);
+    pthread_mutex_unlock(&player->worker.lock);
 }
 
 // ---------------------------------------------------------------- waiting
 
-bool source_player_wait_to_play(struct source_player *p)
+bool source_player_wait_to_play(struct source_player *player)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    while (p->suspended && !p->worker.closing)
-        pthread_cond_wait(&p->worker.changed, &p->worker.lock);
-    const bool closing = p->worker.closing;
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&player->worker.lock);
+    while (player->suspended && !player->worker.closing)
+        pthread_cond_wait(&player->worker.changed, &player->worker.lock);
+    const bool closing = player->worker.closing;
+    pthread_mutex_unlock(&player->worker.lock);
     return !closing;
 }
 
-bool source_player_must_stop(struct source_player *p)
+bool source_player_must_stop(struct source_player *player)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    const bool stop = p->worker.closing || p->suspended;
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&player->worker.lock);
+    const bool stop = player->worker.closing || player->suspended;
+    pthread_mutex_unlock(&player->worker.lock);
     return stop;
 }
 
-void source_player_wait_until_ns(struct source_player *p, int64_t when_ns)
+void source_player_wait_until_ns(struct source_player *player, int64_t when_ns)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    while (!p->worker.closing && !p->suspended && condition_wait_until_ns(&p->worker.changed, &p->worker.lock, when_ns))
+    pthread_mutex_lock(&player->worker.lock);
+    while (!player->worker.closing && !player->suspended &&
+           condition_wait_until_ns(&player->worker.changed, &player->worker.lock, when_ns))
         continue;
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_unlock(&player->worker.lock);
 }
 
-void source_player_wait_for_frame(struct source_player *p)
+void source_player_wait_for_frame(struct source_player *player)
 {
-    if (p->film)
-        source_player_wait_until_ns(p, p->due_ns);
+    if (player->film)
+        source_player_wait_until_ns(player, player->due_ns);
 }
 
-void source_player_wait_to_retry(struct source_player *p) { source_player_wait_until_ns(p, clock_now_ns() + RETRY_NS); }
+void source_player_wait_to_retry(struct source_player *player)
+{
+    source_player_wait_until_ns(player, clock_now_ns() + RETRY_NS);
+}
 
 // ---------------------------------------------------------------- the source
 
@@ -78,19 +82,19 @@ enum status source_player_open_source(struct source_player *p)
     return status;
 }
 
-void source_player_close_source(struct source_player *p) { source_close(&p->source); }
+void source_player_close_source(struct source_player *player) { source_close(&player->source); }
 
 // When the film's frame of that time is due.
-static void schedule(struct source_player *p, int64_t time_ns)
+static void schedule(struct source_player *player, int64_t time_ns)
 {
-    const int64_t now_ns = clock_now_ns(), before_ns = p->due_ns, next_ns = p->due_ns + p->interval_ns;
-    const bool first = !p->began_ns;
+    const int64_t now_ns = clock_now_ns(), before_ns = player->due_ns, next_ns = player->due_ns + player->interval_ns;
+    const bool first = !player->began_ns;
     if (first) {
-        p->first_ns = time_ns;
-        p->began_ns = now_ns > next_ns ? now_ns : next_ns;
+        player->first_ns = time_ns;
+        player->began_ns = now_ns > next_ns ? now_ns : next_ns;
     }
-    p->due_ns = p->began_ns + time_ns - p->first_ns;
-    p->interval_ns = first ? 0 : p->due_ns - before_ns;
+    player->due_ns = player->began_ns + time_ns - player->first_ns;
+    player->interval_ns = first ? 0 : player->due_ns - before_ns;
 }
 
 enum status source_player_next(struct source_player *p, struct frame *out)
@@ -103,14 +107,14 @@ enum status source_player_next(struct source_player *p, struct frame *out)
     return status;
 }
 
-void source_player_begin(struct source_player *p)
+void source_player_begin(struct source_player *player)
 {
-    const int64_t since_first_ns = p->due_ns - p->began_ns;
-    p->began_ns = clock_now_ns();
-    p->due_ns = p->began_ns + since_first_ns;
-    p->interval_ns = 0;
+    const int64_t since_first_ns = player->due_ns - player->began_ns;
+    player->began_ns = clock_now_ns();
+    player->due_ns = player->began_ns + since_first_ns;
+    player->interval_ns = 0;
 }
 
-void source_player_delay(struct source_player *p, int64_t delay_ns) { p->began_ns += delay_ns; }
+void source_player_delay(struct source_player *player, int64_t delay_ns) { player->began_ns += delay_ns; }
 
-void source_player_resume(struct source_player *p) { p->began_ns = p->due_ns = p->interval_ns = 0; }
+void source_player_resume(struct source_player *player) { player->began_ns = player->due_ns = player->interval_ns = 0; }

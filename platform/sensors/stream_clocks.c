@@ -8,7 +8,7 @@
 static const double LATE_FRAMES = 3, SHIFT_FRAMES = 6;
 // Of the difference between two rates: how well the images' distance must tell the same as the streams' lengths.
 static const double RATE_TOLERANCE = 0.25;
-enum { LEAST_STEPS = 8 }; // of each stream, that say anything about a rate or an offset where there are pairs
+enum { MIN_STEPS = 8 }; // of each stream, that say anything about a rate or an offset where there are pairs
 
 static int by_size(const void *a, const void *b)
 {
@@ -17,40 +17,43 @@ static int by_size(const void *a, const void *b)
 }
 
 // How many frames a step is: where images are missing, several.
-static double frames_in(const struct stream_times *s, int64_t step_ns)
+static double frames_in(const struct stream_times *times, int64_t step_ns)
 {
-    return fmax(1, round((double)step_ns / (double)s->median_ns));
+    return fmax(1, round((double)step_ns / (double)times->median_ns));
 }
 
-static void take_median(struct stream_times *s, int count)
+static void take_median(struct stream_times *times, int count)
 {
     int64_t sorted[STREAM_TIMES_EARLY];
     for (int i = 0; i < count; i++)
-        sorted[i] = s->early_ns[i];
+        sorted[i] = times->early_ns[i];
     qsort(sorted, (size_t)count, sizeof *sorted, by_size);
-    s->median_ns = sorted[count / 2];
+    times->median_ns = sorted[count / 2];
     for (int i = 0; i < count; i++)
-        s->steps += frames_in(s, s->early_ns[i]);
+        times->steps += frames_in(times, times->early_ns[i]);
 }
 
-void stream_times_add(struct stream_times *s, int64_t time_ns)
+void stream_times_add(struct stream_times *times, int64_t time_ns)
 {
-    const int64_t step_ns = time_ns - s->last_ns, steps = s->count - 1; // so far
-    s->last_ns = time_ns;
-    if (!s->count++) {
-        s->first_ns = time_ns;
+    const int64_t step_ns = time_ns - times->last_ns, steps = times->count - 1; // so far
+    times->last_ns = time_ns;
+    if (!times->count++) {
+        times->first_ns = time_ns;
         return;
     }
-    if (s->median_ns) {
-        s->steps += frames_in(s, step_ns);
+    if (times->median_ns) {
+        times->steps += frames_in(times, step_ns);
         return;
     }
-    s->early_ns[steps] = step_ns;
+    times->early_ns[steps] = step_ns;
     if (steps + 1 == STREAM_TIMES_EARLY)
-        take_median(s, STREAM_TIMES_EARLY);
+        take_median(times, STREAM_TIMES_EARLY);
 }
 
-static double length_s(const struct stream_times *s) { return 1e-9 * ((double)s->last_ns - (double)s->first_ns); }
+static double length_s(const struct stream_times *times)
+{
+    return 1e-9 * ((double)times->last_ns - (double)times->first_ns);
+}
 
 static double seconds_from(int64_t a_ns, int64_t b_ns) { return 1e-9 * ((double)b_ns - (double)a_ns); }
 
@@ -67,7 +70,7 @@ struct clock_finding stream_clocks_judge(const struct stream_times *color, const
         take_median(&d, (int)d.count - 1);
     const double begins_s = seconds_from(d.first_ns, c.first_ns), ends_s = seconds_from(d.last_ns, c.last_ns);
     found.ahead_s = begins_s;
-    if (fmin(c.steps, d.steps) >= LEAST_STEPS) {
+    if (fmin(c.steps, d.steps) >= MIN_STEPS) {
         const double step_c = length_s(&c) / c.steps, step_d = length_s(&d) / d.steps, frame_s = fmax(step_c, step_d);
         const double lengths = length_s(&c) / length_s(&d), rate = step_c / step_d;
         const bool as_long = fabs(ends_s - begins_s) < LATE_FRAMES * frame_s;
@@ -99,51 +102,51 @@ static const char *unit_factor(double rate)
     return NULL;
 }
 
-static void say_rate(const struct clock_finding *f, bool listed, char *out, size_t bytes)
+static void say_rate(const struct clock_finding *finding, bool listed, char *out, size_t bytes)
 {
-    const char *unit = unit_factor(f->rate);
+    const char *unit = unit_factor(finding->rate);
     if (unit && listed)
         snprintf(out, bytes, "the times of %s are in a unit %s times as small as those of %s: give both in seconds",
-                 f->rate > 1 ? "rgb.txt" : "depth.txt", unit, f->rate > 1 ? "depth.txt" : "rgb.txt");
+                 finding->rate > 1 ? "rgb.txt" : "depth.txt", unit, finding->rate > 1 ? "depth.txt" : "rgb.txt");
     else if (listed)
         snprintf(out, bytes,
                  "colour's clock runs %.6g times as fast as depth's (%+.0f millionths), so that pictures of other "
                  "moments are paired: divide the times in rgb.txt, counted from the first, by %.6g",
-                 f->rate, 1e6 * (f->rate - 1), f->rate);
+                 finding->rate, 1e6 * (finding->rate - 1), finding->rate);
     else
         snprintf(out, bytes,
                  "colour's clock runs %.6g times as fast as depth's, so that pictures of other moments are paired: the "
                  "sensor's driver, or what wrote the file, gives its two streams different clocks",
-                 f->rate);
+                 finding->rate);
 }
 
-static void say_shift(const struct clock_finding *f, bool listed, char *out, size_t bytes)
+static void say_shift(const struct clock_finding *finding, bool listed, char *out, size_t bytes)
 {
-    const bool ahead = f->ahead_s > 0;
+    const bool ahead = finding->ahead_s > 0;
     if (listed)
         snprintf(out, bytes,
                  "colour's clock is %.3f s %s depth's, so that no picture meets its own depth: %s %.3f s %s the times "
                  "in rgb.txt",
-                 fabs(f->ahead_s), ahead ? "ahead of" : "behind", ahead ? "take" : "add", fabs(f->ahead_s),
+                 fabs(finding->ahead_s), ahead ? "ahead of" : "behind", ahead ? "take" : "add", fabs(finding->ahead_s),
                  ahead ? "off" : "to");
     else
         snprintf(out, bytes,
                  "colour's clock is %.3f s %s depth's, so that no picture meets its own depth: start the sensor again; "
                  "if it stays so, its driver, or what wrote the file, gives its two streams different clocks",
-                 fabs(f->ahead_s), ahead ? "ahead of" : "behind");
+                 fabs(finding->ahead_s), ahead ? "ahead of" : "behind");
 }
 
-const char *stream_clocks_text(const struct clock_finding *f, bool listed, char out[STREAM_CLOCKS_TEXT_BYTES])
+const char *stream_clocks_text(const struct clock_finding *finding, bool listed, char out[STREAM_CLOCKS_TEXT_BYTES])
 {
     const size_t bytes = STREAM_CLOCKS_TEXT_BYTES;
     *out = 0;
-    if (f->fault == CLOCKS_RATE)
-        say_rate(f, listed, out, bytes);
-    else if (f->fault == CLOCKS_SHIFTED)
-        say_shift(f, listed, out, bytes);
-    else if (f->fault == CLOCKS_APART)
+    if (finding->fault == CLOCKS_RATE)
+        say_rate(finding, listed, out, bytes);
+    else if (finding->fault == CLOCKS_SHIFTED)
+        say_shift(finding, listed, out, bytes);
+    else if (finding->fault == CLOCKS_APART)
         snprintf(out, bytes, "colour begins %.3f s %s depth, and no picture of one is near one of the other: %s",
-                 fabs(f->ahead_s), f->ahead_s > 0 ? "after" : "before",
+                 fabs(finding->ahead_s), finding->ahead_s > 0 ? "after" : "before",
                  listed ? "put the times in rgb.txt and depth.txt on one clock, or remove rgb.txt to use depth alone"
                         : "the sensor's driver, or what wrote the file, gives its two streams different clocks");
     return out;

@@ -22,7 +22,7 @@ struct stream_times {
 };
 
 // The next image's time, later than those before.
-void stream_times_add(struct stream_times *s, int64_t time_ns);
+void stream_times_add(struct stream_times *times, int64_t time_ns);
 
 enum clock_fault {
     CLOCKS_AGREE,
@@ -43,4 +43,4 @@ struct clock_finding stream_clocks_judge(const struct stream_times *color, const
 // The likely cause and what to do, in one sentence without a full stop. listed: the times are those of rgb.txt and
 // depth.txt, which can be put right. "": they agree. Returns out.
 enum { STREAM_CLOCKS_TEXT_BYTES = 320 };
-const char *stream_clocks_text(const struct clock_finding *f, bool listed, char out[STREAM_CLOCKS_TEXT_BYTES]);
+const char *stream_clocks_text(const struct clock_finding *finding, bool listed, char out[STREAM_CLOCKS_TEXT_BYTES]);

@@ -1,4 +1,5 @@
 #include "platform/vision/chequers.h"
+
 #include "platform/vision/opencv_quiet.hpp"
 
 #include <algorithm>

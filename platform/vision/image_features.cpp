@@ -1,4 +1,5 @@
 #include "platform/vision/image_features.h"
+
 #include "platform/vision/opencv_quiet.hpp"
 
 #include <algorithm>

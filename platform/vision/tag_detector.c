@@ -57,17 +57,17 @@ enum status tag_families_open(struct tag_families **out)
     return OK;
 }
 
-void tag_families_close(struct tag_families **f)
+void tag_families_close(struct tag_families **tag_families)
 {
-    if (!*f)
+    if (!*tag_families)
         return;
-    if ((*f)->detector)
-        apriltag_detector_destroy((*f)->detector);
+    if ((*tag_families)->detector)
+        apriltag_detector_destroy((*tag_families)->detector);
     for (int i = 0; i < TAG_FAMILIES; i++)
-        if ((*f)->family[i])
-            families[i].destroy((*f)->family[i]);
-    free(*f);
-    *f = NULL;
+        if ((*tag_families)->family[i])
+            families[i].destroy((*tag_families)->family[i]);
+    free(*tag_families);
+    *tag_families = NULL;
 }
 
 enum status tag_families_look(struct tag_families *f, const struct gray_image *gray, struct tag_of_family *out,
@@ -123,25 +123,25 @@ enum status tag_detector_open(struct tag_detector **out, double quad_decimate)
     return OK;
 }
 
-void tag_detector_close(struct tag_detector **f)
+void tag_detector_close(struct tag_detector **detector)
 {
-    if (!*f)
+    if (!*detector)
         return;
-    if ((*f)->detector)
-        apriltag_detector_destroy((*f)->detector);
-    if ((*f)->family)
-        tag36h11_destroy((*f)->family);
-    free(*f);
-    *f = NULL;
+    if ((*detector)->detector)
+        apriltag_detector_destroy((*detector)->detector);
+    if ((*detector)->family)
+        tag36h11_destroy((*detector)->family);
+    free(*detector);
+    *detector = NULL;
 }
 
 // By id, then from left to right: independent of the library's order.
 static int compare_detections(const void *left, const void *right)
 {
-    const struct tag_detection *a = left, *b = right;
-    if (a->id != b->id)
-        return a->id < b->id ? -1 : 1;
-    return (a->corner[0].x > b->corner[0].x) - (a->corner[0].x < b->corner[0].x);
+    const struct tag_detection *detection = left, *b = right;
+    if (detection->id != b->id)
+        return detection->id < b->id ? -1 : 1;
+    return (detection->corner[0].x > b->corner[0].x) - (detection->corner[0].x < b->corner[0].x);
 }
 
 enum status tag_detector_detect(struct tag_detector *f, const struct gray_image *gray, struct tag_detection *out,

@@ -29,7 +29,7 @@ struct tag_detector; // belongs to one thread at a time
 // quad_decimate: squares are detected in an image this many times smaller per
 // axis; 1: at full resolution. ERR_INPUT: not in 1..TAG_MAX_DECIMATE. ERR_MEMORY.
 MUST_CHECK enum status tag_detector_open(struct tag_detector **out, double quad_decimate);
-void tag_detector_close(struct tag_detector **f); // NULL is fine; sets *f = NULL
+void tag_detector_close(struct tag_detector **detector); // NULL is fine; sets *detector = NULL
 
 // *count: number of detections written to `out`, at
 // most `capacity`, in order of id; an id can occur twice. None is OK with 0.
@@ -60,7 +60,7 @@ struct tag_of_family {
 
 // ERR_MEMORY: *out is NULL.
 MUST_CHECK enum status tag_families_open(struct tag_families **out);
-void tag_families_close(struct tag_families **f); // NULL is fine; sets *f = NULL
+void tag_families_close(struct tag_families **tag_families); // NULL is fine; sets *tag_families = NULL
 
 // *count: number of tags written to `out`, at most `capacity`. Those alone whose every cell is right and clear; of the
 // smallest family a thing of other kinds may still look like one now and then. ERR_MEMORY.

@@ -1,8 +1,8 @@
 #include "reenact/avatar/avatar.h"
 
 #include "base/archive.h"
-#include "base/threads.h"
 #include "base/portable_math.h"
+#include "base/threads.h"
 #include "recording/prepared.h"
 #include "reenact/avatar/axial_rotation.h"
 #include "reenact/avatar/deformation.h"
@@ -23,84 +23,84 @@
 
 // Farther, brighter, later than anything that a sensor sees of a person; chosen by hand so that sums and conversions of
 // what passes cannot overflow.
-#define MOST_M     100.0
-#define MOST_COLOR 1000.0
-#define MOST_S     1e7
+#define MAX_M      100.0
+#define MAX_COLOR  1000.0
+#define MAX_S      1e7
 #define UNIT_ERROR 1e-3 // of a unit vector's or quaternion's squared length
 
 // False for what is not a number.
-static bool within(double value, double most) { return fabs(value) <= most; }
+static bool is_within(double value, double max) { return fabs(value) <= max; }
 
-static bool all_within(const double *values, size_t count, double most)
+static bool all_within(const double *values, size_t count, double max)
 {
     bool good = true;
     for (size_t i = 0; i < count; i++)
-        good &= within(values[i], most);
+        good &= is_within(values[i], max);
     return good;
 }
 
-static bool floats_within(const float *values, size_t count, double most)
+static bool floats_within(const float *values, size_t count, double max)
 {
     bool good = true;
     for (size_t i = 0; i < count; i++)
-        good &= within((double)values[i], most);
+        good &= is_within((double)values[i], max);
     return good;
 }
 
-static bool points_within(const struct vec3 *points, int count, double most)
+static bool points_within(const struct vec3 *points, int count, double max)
 {
-    return all_within(&points->x, 3 * (size_t)count, most);
+    return all_within(&points->x, 3 * (size_t)count, max);
 }
 
-static bool is_unit(struct vec3 v) { return within(v3_dot(v, v) - 1, UNIT_ERROR); }
+static bool is_unit(struct vec3 v) { return is_within(v3_dot(v, v) - 1, UNIT_ERROR); }
 
-static bool pose_is_rigid(const struct pose *p)
+static bool pose_is_rigid(const struct pose *pose)
 {
-    const struct quat q = p->rotation;
-    return within(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1, UNIT_ERROR) &&
-           points_within(&p->translation, 1, MOST_M);
+    const struct quat q = pose->rotation;
+    return is_within(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1, UNIT_ERROR) &&
+           points_within(&pose->translation, 1, MAX_M);
 }
 
-static bool indices_within(const int32_t *numbers, int count, int32_t least, int32_t limit)
+static bool indices_within(const int32_t *numbers, int count, int32_t min, int32_t limit)
 {
     for (int i = 0; i < count; i++)
-        if (numbers[i] < least || numbers[i] >= limit)
+        if (numbers[i] < min || numbers[i] >= limit)
             return false;
     return true;
 }
 
 // ------------------------------------------------------------- the parts
 
-static bool bind_pose_is_sound(const struct bind_pose *b)
+static bool bind_pose_is_sound(const struct bind_pose *pose)
 {
-    bool good = points_within(b->skeleton.joint, JOINT_COUNT, MOST_M) &&
-                floats_within(b->skeleton.confidence, JOINT_COUNT, 1) &&
-                all_within(b->own_length, BONE_COUNT, MOST_M) && all_within(b->radius, BONE_COUNT, MOST_M);
+    bool good = points_within(pose->skeleton.joint, JOINT_COUNT, MAX_M) &&
+                floats_within(pose->skeleton.confidence, JOINT_COUNT, 1) &&
+                all_within(pose->own_length, BONE_COUNT, MAX_M) && all_within(pose->radius, BONE_COUNT, MAX_M);
     for (int i = 0; i < BONE_COUNT && good; i++) {
-        const struct bone_frame *f = &b->frame[i];
-        if (b->known[i])
-            good = points_within(&f->origin, 1, MOST_M) && within(f->length, MOST_M) && is_unit(f->x) &&
-                   is_unit(f->y) && is_unit(f->z) && b->radius[i] >= 0;
+        const struct bone_frame *f = &pose->frame[i];
+        if (pose->known[i])
+            good = points_within(&f->origin, 1, MAX_M) && is_within(f->length, MAX_M) && is_unit(f->x) &&
+                   is_unit(f->y) && is_unit(f->z) && pose->radius[i] >= 0;
     }
     for (int j = 0; j < JOINT_COUNT && good; j++)
-        good = covariance_is_finite(b->skeleton.covariance[j]);
-    return good && b->known[PART_UPPER_TORSO];
+        good = covariance_is_finite(pose->skeleton.covariance[j]);
+    return good && pose->known[PART_UPPER_TORSO];
 }
 
-static bool surface_is_sound(const struct avatar *f)
+static bool surface_is_sound(const struct avatar *avatar)
 {
-    const struct surface_mesh *s = &f->surface;
-    const struct vertex_colors *c = &f->vertex_colors;
+    const struct surface_mesh *s = &avatar->surface;
+    const struct vertex_colors *c = &avatar->vertex_colors;
     const size_t points = (size_t)s->point_count;
     bool good = s->point_count > 0 && s->corner_count > 0 && s->corner_count % 3 == 0 &&
                 indices_within(s->corners, s->corner_count, 0, s->point_count) &&
-                points_within(s->points, s->point_count, MOST_M) &&
+                points_within(s->points, s->point_count, MAX_M) &&
                 points_within(s->normals, s->point_count, 1 + UNIT_ERROR) &&
-                floats_within(c->color[0], 3 * points, MOST_COLOR) && floats_within(c->time_s, points, MOST_S) &&
-                floats_within(c->irradiance.term, SH_TERMS, MOST_COLOR);
+                floats_within(c->color[0], 3 * points, MAX_COLOR) && floats_within(c->time_s, points, MAX_S) &&
+                floats_within(c->irradiance.term, SH_TERMS, MAX_COLOR);
     good = good && deformation_grid_is_small(s);
     for (size_t i = 0; i < points && good; i++) {
-        const struct skin_weights *w = &f->skins[i];
+        const struct skin_weights *w = &avatar->skins[i];
         good = floats_within(w->weight, SKIN_BONES, 1 + UNIT_ERROR);
         for (int k = 0; k < SKIN_BONES; k++)
             good = good && w->bone[k] < BONE_COUNT && w->weight[k] >= 0;
@@ -108,39 +108,39 @@ static bool surface_is_sound(const struct avatar *f)
     return good;
 }
 
-static bool atlas_is_sound(const struct texture_atlas *a, int surface_points)
+static bool atlas_is_sound(const struct texture_atlas *atlas, int surface_points)
 {
-    const struct uv_mesh *m = &a->mesh;
+    const struct uv_mesh *m = &atlas->mesh;
     const int triangles = m->corner_count / 3;
     bool good = m->point_count > 0 && triangles > 0 && indices_within(m->points, m->point_count, 0, surface_points) &&
                 indices_within(m->corners, m->corner_count, 0, m->point_count) &&
                 indices_within(m->neighbor[0], 3 * triangles, -1, triangles) &&
-                points_within(a->points, m->point_count, MOST_M) &&
-                points_within(a->normals, m->point_count, 1 + UNIT_ERROR);
+                points_within(atlas->points, m->point_count, MAX_M) &&
+                points_within(atlas->normals, m->point_count, 1 + UNIT_ERROR);
     for (int i = 0; i < m->point_count && good; i++)
         good =
             m->at[i][0] >= 0 && m->at[i][0] <= (float)m->width && m->at[i][1] >= 0 && m->at[i][1] <= (float)m->height;
     return good;
 }
 
-static bool frames_are_sound(const struct avatar *f, const struct take *take)
+static bool frames_are_sound(const struct avatar *avatar, const struct take *take)
 {
-    bool good = f->frame_count > 0;
-    for (int i = 0; i < f->frame_count && good; i++) {
-        good = f->frames[i] >= (i ? f->frames[i - 1] + 1 : 0) && f->frames[i] < take_frame_count(take);
+    bool good = avatar->frame_count > 0;
+    for (int i = 0; i < avatar->frame_count && good; i++) {
+        good = avatar->frames[i] >= (i ? avatar->frames[i - 1] + 1 : 0) && avatar->frames[i] < take_frame_count(take);
         for (int b = 0; b < BONE_COUNT && good; b++)
-            good = pose_is_rigid(&f->frame_corrections[i].bone[b]);
+            good = pose_is_rigid(&avatar->frame_corrections[i].bone[b]);
     }
     return good;
 }
 
 // of that take
-static bool avatar_is_sound(const struct avatar *f, const struct take *take)
+static bool avatar_is_sound(const struct avatar *avatar, const struct take *take)
 {
-    const struct joint_noise *errors = &f->joint_errors;
-    return bind_pose_is_sound(&f->bind_pose) && surface_is_sound(f) &&
-           atlas_is_sound(&f->atlas, f->surface.point_count) && frames_are_sound(f, take) &&
-           all_within(errors->m, BONE_COUNT, MOST_M) && all_within(errors->rad, BONE_COUNT, MOST_M);
+    const struct joint_noise *errors = &avatar->joint_errors;
+    return bind_pose_is_sound(&avatar->bind_pose) && surface_is_sound(avatar) &&
+           atlas_is_sound(&avatar->atlas, avatar->surface.point_count) && frames_are_sound(avatar, take) &&
+           all_within(errors->m, BONE_COUNT, MAX_M) && all_within(errors->rad, BONE_COUNT, MAX_M);
 }
 
 // ---------------------------------------------------------------- avatar store
@@ -153,85 +153,85 @@ static bool avatar_is_sound(const struct avatar *f, const struct take *take)
         (pointer) = array_;                                                                                            \
     } while (0)
 
-static void bind_pose_archive(struct archive *a, struct bind_pose *b)
+static void bind_pose_archive(struct archive *archive, struct bind_pose *pose)
 {
-    ARCHIVE(a, b->skeleton.joint);
-    ARCHIVE(a, b->skeleton.confidence);
-    ARCHIVE(a, b->skeleton.covariance);
+    ARCHIVE(archive, pose->skeleton.joint);
+    ARCHIVE(archive, pose->skeleton.confidence);
+    ARCHIVE(archive, pose->skeleton.covariance);
     for (int i = 0; i < BONE_COUNT; i++) {
-        uint8_t known = b->known[i];
-        ARCHIVE(a, known);
-        b->known[i] = known != 0;
+        uint8_t known = pose->known[i];
+        ARCHIVE(archive, known);
+        pose->known[i] = known != 0;
     }
-    ARCHIVE(a, b->frame);
-    ARCHIVE(a, b->own_length);
-    ARCHIVE(a, b->radius);
+    ARCHIVE(archive, pose->frame);
+    ARCHIVE(archive, pose->own_length);
+    ARCHIVE(archive, pose->radius);
 }
 
 // Arrays of the surface's points; *count comes back as their number, or the archive fails.
-static void surface_archive(struct archive *a, struct avatar *f)
+static void surface_archive(struct archive *archive, struct avatar *avatar)
 {
-    struct surface_mesh *s = &f->surface;
-    struct vertex_colors *c = &f->vertex_colors;
+    struct surface_mesh *s = &avatar->surface;
+    struct vertex_colors *c = &avatar->vertex_colors;
     int points = s->point_count, normals = points, colors = points, times = points, filled = points;
-    ARRAY(a, s->points, points);
-    ARRAY(a, s->normals, normals);
-    ARRAY(a, c->color, colors);
-    ARRAY(a, c->time_s, times);
-    ARRAY(a, c->filled, filled);
-    ARRAY(a, s->corners, s->corner_count);
-    ARCHIVE(a, c->irradiance);
+    ARRAY(archive, s->points, points);
+    ARRAY(archive, s->normals, normals);
+    ARRAY(archive, c->color, colors);
+    ARRAY(archive, c->time_s, times);
+    ARRAY(archive, c->filled, filled);
+    ARRAY(archive, s->corners, s->corner_count);
+    ARCHIVE(archive, c->irradiance);
     s->point_count = points;
-    a->failed |= normals != points || colors != points || times != points || filled != points;
+    archive->failed |= normals != points || colors != points || times != points || filled != points;
 }
 
 // Field by field: the struct has padding.
-static void skins_archive(struct archive *a, struct avatar *f)
+static void skins_archive(struct archive *archive, struct avatar *avatar)
 {
-    const size_t points = (size_t)f->surface.point_count;
-    if (a->reading && !a->failed) {
-        f->skins = malloc(points * sizeof *f->skins + 1);
-        a->failed |= a->out_of_memory |= !f->skins;
+    const size_t points = (size_t)avatar->surface.point_count;
+    if (archive->reading && !archive->failed) {
+        avatar->skins = malloc(points * sizeof *avatar->skins + 1);
+        archive->failed |= archive->out_of_memory |= !avatar->skins;
     }
-    for (size_t i = 0; i < points && !a->failed; i++) {
-        ARCHIVE(a, f->skins[i].bone);
-        ARCHIVE(a, f->skins[i].weight);
+    for (size_t i = 0; i < points && !archive->failed; i++) {
+        ARCHIVE(archive, avatar->skins[i].bone);
+        ARCHIVE(archive, avatar->skins[i].weight);
     }
 }
 
-static void atlas_archive(struct archive *a, struct texture_atlas *atlas)
+static void atlas_archive(struct archive *archive, struct texture_atlas *atlas)
 {
     struct uv_mesh *m = &atlas->mesh;
     int points = m->point_count, at = points, moved = points, normals = points, triangles = m->corner_count / 3;
-    ARCHIVE(a, m->width);
-    ARCHIVE(a, m->height);
-    a->failed |= m->width < 1 || m->height < 1 || m->width > 4096 || m->height > 4096;
-    int texels = a->failed ? 0 : 3 * m->width * m->height, times = a->failed ? 0 : 4 * m->width * m->height;
+    ARCHIVE(archive, m->width);
+    ARCHIVE(archive, m->height);
+    archive->failed |= m->width < 1 || m->height < 1 || m->width > 4096 || m->height > 4096;
+    int texels = archive->failed ? 0 : 3 * m->width * m->height, times = archive->failed ? 0 : 4 * m->width * m->height;
     const int wanted_texels = texels, wanted_times = times;
-    ARRAY(a, m->points, points);
-    ARRAY(a, m->at, at);
-    ARRAY(a, m->corners, m->corner_count);
-    ARRAY(a, m->neighbor, triangles);
-    ARRAY(a, atlas->points, moved);
-    ARRAY(a, atlas->normals, normals);
-    ARRAY(a, atlas->color, texels);
-    ARRAY(a, atlas->seen_time, times);
+    ARRAY(archive, m->points, points);
+    ARRAY(archive, m->at, at);
+    ARRAY(archive, m->corners, m->corner_count);
+    ARRAY(archive, m->neighbor, triangles);
+    ARRAY(archive, atlas->points, moved);
+    ARRAY(archive, atlas->normals, normals);
+    ARRAY(archive, atlas->color, texels);
+    ARRAY(archive, atlas->seen_time, times);
     m->point_count = points;
-    a->failed |= at != points || moved != points || normals != points || m->corner_count != 3 * triangles ||
-                 texels != wanted_texels || times != wanted_times;
+    archive->failed |= at != points || moved != points || normals != points || m->corner_count != 3 * triangles ||
+                       texels != wanted_texels || times != wanted_times;
 }
 
-static void avatar_archive(struct archive *a, struct avatar *f)
+static void avatar_archive(struct archive *archive, struct avatar *avatar)
 {
-    int corrections = f->frame_count;
-    bind_pose_archive(a, &f->bind_pose);
-    surface_archive(a, f);
-    skins_archive(a, f);
-    atlas_archive(a, &f->atlas);
-    ARCHIVE(a, f->joint_errors);
-    ARRAY(a, f->frames, f->frame_count);
-    ARRAY(a, f->frame_corrections, corrections);
-    a->failed |= corrections != f->frame_count;
+    int corrections = avatar->frame_count;
+    bind_pose_archive(archive, &avatar->bind_pose);
+    surface_archive(archive, avatar);
+    skins_archive(archive, avatar);
+    atlas_archive(archive, &avatar->atlas);
+    ARCHIVE(archive, avatar->joint_errors);
+    ARRAY(archive, avatar->frames, avatar->frame_count);
+    ARRAY(archive, avatar->frame_corrections, corrections);
+    archive->failed |= corrections != avatar->frame_count;
 }
 
 enum status avatar_pack(const struct avatar *avatar, uint8_t **bytes, size_t *count)
@@ -295,16 +295,16 @@ static const double CORRECTION_DECAY = 0.85;           // share of a frame's cor
 static const double COARSE_VOXEL_M = 2 * TSDF_VOXEL_M; // joints err by centimetres: they give no finer shape
 
 // The trunk's yaw, as one of YAW_BINS.
-static int yaw_bin_of(const struct skeleton *s)
+static int yaw_bin_of(const struct skeleton *skeleton)
 {
-    struct vec3 across = v3_sub(s->joint[JOINT_LEFT_SHOULDER], s->joint[JOINT_RIGHT_SHOULDER]);
+    struct vec3 across = v3_sub(skeleton->joint[JOINT_LEFT_SHOULDER], skeleton->joint[JOINT_RIGHT_SHOULDER]);
     int bin = (int)((portable_atan2(across.z, across.x) / (2 * 3.14159265358979) + 0.5) * YAW_BINS);
     return bin < YAW_BINS ? bin : YAW_BINS - 1;
 }
 
 // Half of the frames are spread evenly over the take's time, half over the person's yaw: a person who spins once within
 // a second shows the back in a few frames only.
-static enum status choose_frames(struct avatar *f, const struct take *take, int max_frames)
+static enum status choose_frames(struct avatar *avatar, const struct take *take, int max_frames)
 {
     int64_t frames = take_frame_count(take), usable = 0, frames_in_bin[YAW_BINS] = {0};
     int bins_used = 0;
@@ -315,22 +315,22 @@ static enum status choose_frames(struct avatar *f, const struct take *take, int 
         usable++;
         bins_used += !frames_in_bin[yaw_bin_of(&e->skeleton)]++;
     }
-    int64_t most = usable < max_frames ? usable : max_frames;
-    if (!most)
+    int64_t max = usable < max_frames ? usable : max_frames;
+    if (!max)
         return NOTHING;
-    f->frames = malloc(sizeof *f->frames * (size_t)most);
-    f->frame_corrections = malloc(sizeof *f->frame_corrections * (size_t)most);
-    if (!f->frames || !f->frame_corrections)
+    avatar->frames = malloc(sizeof *avatar->frames * (size_t)max);
+    avatar->frame_corrections = malloc(sizeof *avatar->frame_corrections * (size_t)max);
+    if (!avatar->frames || !avatar->frame_corrections)
         return fail(ERR_MEMORY, "no memory for the avatar");
     double quota = 0.5;
-    for (int64_t i = 0; i < frames && f->frame_count < most; i++) {
+    for (int64_t i = 0; i < frames && avatar->frame_count < max; i++) {
         const struct take_entry *e = take_entry(take, i);
         if (!e->has_skeleton || !e->has_depth)
             continue;
-        quota += 0.5 * (double)most *
+        quota += 0.5 * (double)max *
                  (1.0 / (double)usable + 1.0 / ((double)bins_used * (double)frames_in_bin[yaw_bin_of(&e->skeleton)]));
         if (quota >= 1) {
-            f->frames[f->frame_count++] = i;
+            avatar->frames[avatar->frame_count++] = i;
             quota = fmin(quota - 1, 1); // a frame is used only once
         }
     }
@@ -370,34 +370,35 @@ struct avatar_build {
     bool has_shown; // a frame has shown the actor's surface; without any the shape is the prior's alone
 };
 
-static enum status open_build(struct avatar_build *r, struct take *take, const struct source_rays *rays)
+static enum status open_build(struct avatar_build *build, struct take *take, const struct source_rays *rays)
 {
-    const struct avatar *f = r->avatar;
+    const struct avatar *avatar = build->avatar;
     const struct lens *lens = &take_calibration(take)->color;
-    enum status status = take_skeletons_open(&r->skeletons, take);
-    const struct frame_source source = {take, r->skeletons, rays};
+    enum status status = take_skeletons_open(&build->skeletons, take);
+    const struct frame_source source = {take, build->skeletons, rays};
     if (status == OK)
-        status = depth_frame_cache_open(&r->frame_cache, &source, f->frames, f->frame_count, AVATAR_CACHE_BYTES);
+        status = depth_frame_cache_open(&build->frame_cache, &source, avatar->frames, avatar->frame_count,
+                                        AVATAR_CACHE_BYTES);
     for (int i = 0; i < IN_FLIGHT && status == OK; i++) {
-        status = depth_frame_open(&r->job[i].depth_frame, take, rays);
-        r->job[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
-        if (status == OK && !r->job[i].rgb)
+        status = depth_frame_open(&build->job[i].depth_frame, take, rays);
+        build->job[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
+        if (status == OK && !build->job[i].rgb)
             status = fail(ERR_MEMORY, "no memory for the avatar");
     }
-    r->take = take;
+    build->take = take;
     return status;
 }
 
-static void close_build(struct avatar_build *r)
+static void close_build(struct avatar_build *build)
 {
-    depth_frame_cache_close(&r->frame_cache);
-    take_skeletons_close(&r->skeletons);
-    vertex_color_close(&r->color_builder);
-    axial_rotation_close(&r->rotations);
+    depth_frame_cache_close(&build->frame_cache);
+    take_skeletons_close(&build->skeletons);
+    vertex_color_close(&build->color_builder);
+    axial_rotation_close(&build->rotations);
     for (int i = 0; i < IN_FLIGHT; i++) {
-        depth_frame_close(&r->job[i].depth_frame);
-        deformation_close(&r->job[i].deformation);
-        free(r->job[i].rgb);
+        depth_frame_close(&build->job[i].depth_frame);
+        deformation_close(&build->job[i].deformation);
+        free(build->job[i].rgb);
     }
 }
 
@@ -408,12 +409,12 @@ static bool needs_colors(enum avatar_step pass)
 }
 
 // NOTHING: the frame shows no actor, or lacks the colours that the pass needs.
-static enum status read_frame(struct avatar_build *r, struct frame_job *job, int i)
+static enum status read_frame(struct avatar_build *build, struct frame_job *job, int i)
 {
-    const struct depth_frame *s = &job->depth_frame;
+    const struct depth_frame *frame = &job->depth_frame;
     const enum status status =
-        depth_frame_cache_read(r->frame_cache, i, &job->depth_frame, needs_colors(r->pass) ? job->rgb : NULL);
-    return status == OK && s->right < s->left ? NOTHING : status;
+        depth_frame_cache_read(build->frame_cache, i, &job->depth_frame, needs_colors(build->pass) ? job->rgb : NULL);
+    return status == OK && frame->right < frame->left ? NOTHING : status;
 }
 
 static bool measures_silhouettes(enum avatar_step pass)
@@ -422,84 +423,88 @@ static bool measures_silhouettes(enum avatar_step pass)
            pass == AVATAR_SILHOUETTES_FINAL;
 }
 
-static double time_of(const struct avatar_build *r, int i)
+static double time_of(const struct avatar_build *build, int i)
 {
-    return (double)(take_entry(r->take, r->avatar->frames[i])->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9;
+    return (double)(take_entry(build->take, build->avatar->frames[i])->time_ns - take_entry(build->take, 0)->time_ns) *
+           1e-9;
 }
 
-static struct axial_rotation_frame rotation_frame_of(const struct avatar_build *r, const struct frame_job *job, int i)
+static struct axial_rotation_frame rotation_frame_of(const struct avatar_build *build, const struct frame_job *job,
+                                                     int i)
 {
-    return (struct axial_rotation_frame){&job->depth_frame, job->rgb, &job->transforms, time_of(r, i)};
+    return (struct axial_rotation_frame){&job->depth_frame, job->rgb, &job->transforms, time_of(build, i)};
 }
 
 // Initial value of a frame's registration: the first pass uses the joints, whose errors differ from frame to frame; the
 // second the previous frame's corrections; later ones the frame's own.
-static struct bone_corrections initial_corrections(const struct avatar_build *r, int i)
+static struct bone_corrections initial_corrections(const struct avatar_build *build, int i)
 {
-    const struct bone_corrections none = bone_corrections_identity(), *all = r->avatar->frame_corrections;
-    if (r->pass == AVATAR_TSDF_FROM_JOINTS || (r->pass == AVATAR_TSDF_ALIGNED && i == 0))
+    const struct bone_corrections none = bone_corrections_identity(), *all = build->avatar->frame_corrections;
+    if (build->pass == AVATAR_TSDF_FROM_JOINTS || (build->pass == AVATAR_TSDF_ALIGNED && i == 0))
         return none;
-    return r->pass == AVATAR_TSDF_ALIGNED ? bone_corrections_mix(&none, &all[i - 1], CORRECTION_DECAY) : all[i];
+    return build->pass == AVATAR_TSDF_ALIGNED ? bone_corrections_mix(&none, &all[i - 1], CORRECTION_DECAY) : all[i];
 }
 
 // Registers a frame to the shape so far, relabels it, and does what the pass measures on one frame alone.
-static enum status align_frame(struct avatar_build *r, struct frame_job *job, int i)
+static enum status align_frame(struct avatar_build *build, struct frame_job *job, int i)
 {
-    struct avatar *f = r->avatar;
-    struct icp_input from = {.joint_errors = f->joint_errors,
-                             .start = initial_corrections(r, i),
-                             .axial_fixed = r->pass == AVATAR_TSDF_FINAL};
-    struct bone_corrections *a = &f->frame_corrections[i];
-    *a = r->pass == AVATAR_TSDF_ALIGNED && i > 0 ? f->frame_corrections[i - 1] : from.start;
+    struct avatar *avatar = build->avatar;
+    struct icp_input from = {.joint_errors = avatar->joint_errors,
+                             .start = initial_corrections(build, i),
+                             .axial_fixed = build->pass == AVATAR_TSDF_FINAL};
+    struct bone_corrections *corrections = &avatar->frame_corrections[i];
+    *corrections = build->pass == AVATAR_TSDF_ALIGNED && i > 0 ? avatar->frame_corrections[i - 1] : from.start;
     enum status status = job->status;
     if (status == OK)
-        status = bone_transforms_of(&f->bind_pose, take_skeletons_at(r->skeletons, f->frames[i]), &from.joints);
+        status = bone_transforms_of(&avatar->bind_pose, take_skeletons_at(build->skeletons, avatar->frames[i]),
+                                    &from.joints);
     if (status != OK)
         return status;
-    if (r->pass == AVATAR_TSDF_ALIGNED || r->pass == AVATAR_TSDF_FINAL)
-        *a = articulated_icp(f->tsdf, &job->depth_frame, &from,
-                             r->pass == AVATAR_TSDF_ALIGNED ? &job->uncertainty : NULL);
-    job->transforms = bone_corrections_apply(&from.joints, a);
-    if (measures_silhouettes(r->pass)) {
+    if (build->pass == AVATAR_TSDF_ALIGNED || build->pass == AVATAR_TSDF_FINAL)
+        *corrections = articulated_icp(avatar->tsdf, &job->depth_frame, &from,
+                                       build->pass == AVATAR_TSDF_ALIGNED ? &job->uncertainty : NULL);
+    job->transforms = bone_corrections_apply(&from.joints, corrections);
+    if (measures_silhouettes(build->pass)) {
         job->gaps = (struct silhouette_gaps){0};
-        silhouette_measure(f->tsdf, take_calibration(r->take), &job->depth_frame, &job->transforms, &job->gaps);
+        silhouette_measure(avatar->tsdf, take_calibration(build->take), &job->depth_frame, &job->transforms,
+                           &job->gaps);
         return OK;
     }
-    if (r->pass == AVATAR_COLOR_SAMPLES) // without background colours
-        status = depth_frame_clean_colors(&job->depth_frame, take_calibration(r->take), job->rgb, job->rgb);
-    struct skeleton better = bone_transforms_skeleton(&f->bind_pose, &job->transforms);
+    if (build->pass == AVATAR_COLOR_SAMPLES) // without background colours
+        status = depth_frame_clean_colors(&job->depth_frame, take_calibration(build->take), job->rgb, job->rgb);
+    struct skeleton better = bone_transforms_skeleton(&avatar->bind_pose, &job->transforms);
     depth_frame_relabel(&job->depth_frame, &better);
-    const struct axial_rotation_frame frame = rotation_frame_of(r, job, i);
-    if (r->pass == AVATAR_ROTATION_SEED)
-        axial_rotation_score_seed(r->rotations, i, &frame);
-    if (r->pass == AVATAR_ROTATION_MEASURE)
-        axial_rotation_measure(r->rotations, i, &frame);
-    if (r->pass == AVATAR_COLOR_SAMPLES) {
-        const struct deformation_model model = {f->tsdf, &f->surface, f->skins};
-        if (!r->simple)
+    const struct axial_rotation_frame frame = rotation_frame_of(build, job, i);
+    if (build->pass == AVATAR_ROTATION_SEED)
+        axial_rotation_score_seed(build->rotations, i, &frame);
+    if (build->pass == AVATAR_ROTATION_MEASURE)
+        axial_rotation_measure(build->rotations, i, &frame);
+    if (build->pass == AVATAR_COLOR_SAMPLES) {
+        const struct deformation_model model = {avatar->tsdf, &avatar->surface, avatar->skins};
+        if (!build->simple)
             deformation_fit(job->deformation, &model, &job->depth_frame, &job->transforms, NULL);
     }
     return status;
 }
 
-static enum status integrate_frame(struct avatar_build *r, const struct frame_job *job, int i)
+static enum status integrate_frame(struct avatar_build *build, const struct frame_job *job, int i)
 {
-    const struct axial_rotation_frame frame = rotation_frame_of(r, job, i);
-    if (r->pass == AVATAR_TSDF_ALIGNED)
-        joint_noise_add(&r->joint_errors, &r->avatar->bind_pose, r->avatar->frame_corrections[i].bone,
+    const struct axial_rotation_frame frame = rotation_frame_of(build, job, i);
+    if (build->pass == AVATAR_TSDF_ALIGNED)
+        joint_noise_add(&build->joint_errors, &build->avatar->bind_pose, build->avatar->frame_corrections[i].bone,
                         &job->uncertainty);
-    if (measures_silhouettes(r->pass))
-        silhouette_gaps_add(&r->gaps, &job->gaps);
-    else if (r->pass == AVATAR_ROTATION_TRACK)
-        axial_rotation_track(r->rotations, &frame);
-    else if (r->pass == AVATAR_COLOR_SAMPLES)
-        vertex_color_add(r->color_builder,
-                         &(struct vertex_color_frame){&job->depth_frame, job->rgb, &job->transforms, job->deformation,
-                                                      take_entry(r->take, r->avatar->frames[i])->world_from_camera,
-                                                      time_of(r, i)});
-    else if (r->target) {
-        r->has_shown = true;
-        return tsdf_integrate(r->target, &job->depth_frame, &job->transforms);
+    if (measures_silhouettes(build->pass))
+        silhouette_gaps_add(&build->gaps, &job->gaps);
+    else if (build->pass == AVATAR_ROTATION_TRACK)
+        axial_rotation_track(build->rotations, &frame);
+    else if (build->pass == AVATAR_COLOR_SAMPLES)
+        vertex_color_add(build->color_builder,
+                         &(struct vertex_color_frame){
+                             &job->depth_frame, job->rgb, &job->transforms, job->deformation,
+                             take_entry(build->take, build->avatar->frames[i])->world_from_camera, time_of(build, i)});
+    else if (build->target) {
+        build->has_shown = true;
+        return tsdf_integrate(build->target, &job->depth_frame, &job->transforms);
     }
     return OK;
 }
@@ -507,38 +512,38 @@ static enum status integrate_frame(struct avatar_build *r, const struct frame_jo
 // Stages that run at the same time share nothing that any of them changes.
 static enum status do_stage(void *context, int stage, int item)
 {
-    struct avatar_build *r = context;
-    struct frame_job *job = &r->job[item % IN_FLIGHT];
-    const int i = r->pass == AVATAR_ROTATION_TRACK ? axial_rotation_order(r->rotations, item) : item;
+    struct avatar_build *build = context;
+    struct frame_job *job = &build->job[item % IN_FLIGHT];
+    const int i = build->pass == AVATAR_ROTATION_TRACK ? axial_rotation_order(build->rotations, item) : item;
     if (stage == READ)
-        job->status = read_frame(r, job, i);
+        job->status = read_frame(build, job, i);
     else if (stage == ALIGN)
-        job->status = align_frame(r, job, i);
+        job->status = align_frame(build, job, i);
     else if (job->status == OK)
-        job->status = integrate_frame(r, job, i);
+        job->status = integrate_frame(build, job, i);
     return job->status;
 }
 
 static bool report_pass_progress(void *context, double share)
 {
-    const struct avatar_build *r = context;
-    return progress_continue(r->watch, (r->pass + share) / (AVATAR_COLOR_SAMPLES + 1));
+    const struct avatar_build *build = context;
+    return progress_continue(build->watch, (build->pass + share) / (AVATAR_COLOR_SAMPLES + 1));
 }
 
 // NOTHING: the avatar is not wanted any more. AVATAR_TSDF_ALIGNED starts each frame from the previous one, in order.
-static enum status run_pass(struct avatar *f, struct avatar_build *r, enum avatar_step pass)
+static enum status run_pass(struct avatar *avatar, struct avatar_build *build, enum avatar_step pass)
 {
     const struct pipeline pipeline = {
-        .items = f->frame_count,
+        .items = avatar->frame_count,
         .stages = STAGES,
         .in_flight = IN_FLIGHT,
         .in_order = {[READ] = true, [ALIGN] = pass == AVATAR_TSDF_ALIGNED, [INTEGRATE] = true},
         .work = do_stage,
         .on_progress = report_pass_progress,
-        .context = r};
-    r->pass = pass;
-    progress_begin_step(r->watch, pass);
-    return pipeline_run(&pipeline, r->threads);
+        .context = build};
+    build->pass = pass;
+    progress_begin_step(build->watch, pass);
+    return pipeline_run(&pipeline, build->threads);
 }
 
 // One pass over the frames fuses a shape, the next measures it against their silhouettes.
@@ -551,52 +556,53 @@ static const struct fusion_round {
     {AVATAR_TSDF_FINAL, AVATAR_SILHOUETTES_FINAL, TSDF_VOXEL_M},
 };
 
-static enum status make_round(struct avatar *f, struct avatar_build *r, const struct fusion_round *round)
+static enum status make_round(struct avatar *avatar, struct avatar_build *build, const struct fusion_round *round)
 {
-    enum status status =
-        tsdf_open(&r->target, &f->bind_pose, take_calibration(r->take), round->step_m, r->inner_threads);
-    if (status == OK && f->tsdf)
-        status = tsdf_copy_free_space(r->target, f->tsdf);
+    enum status status = tsdf_open(&build->target, &avatar->bind_pose, take_calibration(build->take), round->step_m,
+                                   build->inner_threads);
+    if (status == OK && avatar->tsdf)
+        status = tsdf_copy_free_space(build->target, avatar->tsdf);
     if (status == OK)
-        status = run_pass(f, r, round->shape);
+        status = run_pass(avatar, build, round->shape);
     if (status != OK) {
-        tsdf_close(&r->target);
+        tsdf_close(&build->target);
         return status;
     }
-    tsdf_close(&f->tsdf);
-    f->tsdf = r->target;
-    r->target = NULL;
+    tsdf_close(&avatar->tsdf);
+    avatar->tsdf = build->target;
+    build->target = NULL;
     if (round->shape == AVATAR_TSDF_FINAL)
-        tsdf_flatten_unseen_trunk(f->tsdf);
+        tsdf_flatten_unseen_trunk(avatar->tsdf);
     if (round != &rounds[0])
-        status = tsdf_smooth(f->tsdf, SMOOTH_PASSES);
-    r->gaps = (struct silhouette_gaps){0};
+        status = tsdf_smooth(avatar->tsdf, SMOOTH_PASSES);
+    build->gaps = (struct silhouette_gaps){0};
     if (status == OK)
-        status = run_pass(f, r, round->silhouettes);
+        status = run_pass(avatar, build, round->silhouettes);
     if (status == OK)
-        tsdf_match_silhouettes(f->tsdf, &r->gaps);
+        tsdf_match_silhouettes(avatar->tsdf, &build->gaps);
     return status;
 }
 
 // Corrects the axial rotations of each frame's round bones by their colours.
-static enum status find_axial_rotations(struct avatar *f, struct avatar_build *r)
+static enum status find_axial_rotations(struct avatar *avatar, struct avatar_build *build)
 {
     struct surface_mesh surface = {0};
-    double *time_s = malloc(sizeof *time_s * (size_t)f->frame_count);
+    double *time_s = malloc(sizeof *time_s * (size_t)avatar->frame_count);
     enum status status =
-        time_s ? tsdf_extract_surface(f->tsdf, &surface) : fail(ERR_MEMORY, "no memory for the avatar");
+        time_s ? tsdf_extract_surface(avatar->tsdf, &surface) : fail(ERR_MEMORY, "no memory for the avatar");
     if (status == OK)
-        status = axial_rotation_open(&r->rotations, &f->bind_pose, &surface, take_calibration(r->take), f->frame_count);
+        status = axial_rotation_open(&build->rotations, &avatar->bind_pose, &surface, take_calibration(build->take),
+                                     avatar->frame_count);
     if (status == OK)
-        status = run_pass(f, r, AVATAR_ROTATION_SEED);
+        status = run_pass(avatar, build, AVATAR_ROTATION_SEED);
     if (status == OK)
-        status = run_pass(f, r, AVATAR_ROTATION_TRACK);
+        status = run_pass(avatar, build, AVATAR_ROTATION_TRACK);
     if (status == OK)
-        status = run_pass(f, r, AVATAR_ROTATION_MEASURE);
-    for (int i = 0; i < f->frame_count && status == OK; i++)
-        time_s[i] = time_of(r, i);
+        status = run_pass(avatar, build, AVATAR_ROTATION_MEASURE);
+    for (int i = 0; i < avatar->frame_count && status == OK; i++)
+        time_s[i] = time_of(build, i);
     if (status == OK)
-        status = axial_rotation_apply(r->rotations, time_s, f->frame_corrections);
+        status = axial_rotation_apply(build->rotations, time_s, avatar->frame_corrections);
     surface_mesh_free(&surface);
     free(time_s);
     return status;
@@ -607,42 +613,44 @@ static enum status find_axial_rotations(struct avatar *f, struct avatar_build *r
 // near. Silhouettes, seen from the side, have the right width: each round ends with the shape matched to them, and the
 // second registers the frames to that. The third registers them again, with axial rotations from colours and with the
 // joints weighted by their measured errors.
-static enum status make_shape(struct avatar *f, struct avatar_build *r)
+static enum status make_shape(struct avatar *avatar, struct avatar_build *build)
 {
     enum status status = OK;
-    f->joint_errors = joint_noise_prior();
-    for (size_t i = 0; i < (r->simple ? 1 : COUNT_OF(rounds)) && status == OK; i++) {
-        status = make_round(f, r, &rounds[i]);
-        if (status == OK && !r->has_shown)
+    avatar->joint_errors = joint_noise_prior();
+    for (size_t i = 0; i < (build->simple ? 1 : COUNT_OF(rounds)) && status == OK; i++) {
+        status = make_round(avatar, build, &rounds[i]);
+        if (status == OK && !build->has_shown)
             status = NOTHING;
         if (status != OK || rounds[i].shape != AVATAR_TSDF_ALIGNED)
             continue;
-        f->joint_errors = joint_noise_estimate(&r->joint_errors);
-        status = find_axial_rotations(f, r);
+        avatar->joint_errors = joint_noise_estimate(&build->joint_errors);
+        status = find_axial_rotations(avatar, build);
     }
-    if (status == OK && r->simple)
-        status = tsdf_smooth(f->tsdf, SMOOTH_PASSES);
+    if (status == OK && build->simple)
+        status = tsdf_smooth(avatar->tsdf, SMOOTH_PASSES);
     if (status != OK)
         return status;
-    progress_begin_step(r->watch, AVATAR_SURFACE);
-    return tsdf_extract_surface(f->tsdf, &f->surface);
+    progress_begin_step(build->watch, AVATAR_SURFACE);
+    return tsdf_extract_surface(avatar->tsdf, &avatar->surface);
 }
 
-static enum status make_vertex_colors(struct avatar *f, struct avatar_build *r)
+static enum status make_vertex_colors(struct avatar *avatar, struct avatar_build *build)
 {
-    f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
-    if (!f->skins)
+    avatar->skins = malloc(sizeof *avatar->skins * (size_t)avatar->surface.point_count);
+    if (!avatar->skins)
         return fail(ERR_MEMORY, "no memory for the avatar");
-    for (int i = 0; i < f->surface.point_count; i++)
-        f->skins[i] = bind_pose_skin_weights(&f->bind_pose, f->surface.points[i]);
-    const struct vertex_color_target target = {&f->bind_pose, &f->surface, f->skins};
-    enum status status = vertex_color_open(&r->color_builder, &target, take_calibration(r->take), r->inner_threads);
+    for (int i = 0; i < avatar->surface.point_count; i++)
+        avatar->skins[i] = bind_pose_skin_weights(&avatar->bind_pose, avatar->surface.points[i]);
+    const struct vertex_color_target target = {&avatar->bind_pose, &avatar->surface, avatar->skins};
+    enum status status =
+        vertex_color_open(&build->color_builder, &target, take_calibration(build->take), build->inner_threads);
     for (int i = 0; i < IN_FLIGHT && status == OK; i++)
-        status = deformation_open(&r->job[i].deformation, &f->bind_pose, &f->surface, take_calibration(r->take));
+        status = deformation_open(&build->job[i].deformation, &avatar->bind_pose, &avatar->surface,
+                                  take_calibration(build->take));
     if (status == OK)
-        status = run_pass(f, r, AVATAR_COLOR_SAMPLES);
-    progress_begin_step(r->watch, AVATAR_VERTEX_COLORS);
-    return status == OK ? vertex_color_solve(r->color_builder, &f->vertex_colors) : status;
+        status = run_pass(avatar, build, AVATAR_COLOR_SAMPLES);
+    progress_begin_step(build->watch, AVATAR_VERTEX_COLORS);
+    return status == OK ? vertex_color_solve(build->color_builder, &avatar->vertex_colors) : status;
 }
 
 struct avatar_options avatar_default_options(void)
@@ -676,27 +684,28 @@ enum status avatar_make(struct avatar *out, struct take *take, const struct sour
     return status;
 }
 
-void avatar_free(struct avatar *f)
+void avatar_free(struct avatar *avatar)
 {
-    tsdf_close(&f->tsdf);
-    surface_mesh_free(&f->surface);
-    vertex_colors_free(&f->vertex_colors);
-    texture_atlas_free(&f->atlas);
-    free(f->skins);
-    free(f->frames);
-    free(f->frame_corrections);
-    *f = (struct avatar){0};
+    tsdf_close(&avatar->tsdf);
+    surface_mesh_free(&avatar->surface);
+    vertex_colors_free(&avatar->vertex_colors);
+    texture_atlas_free(&avatar->atlas);
+    free(avatar->skins);
+    free(avatar->frames);
+    free(avatar->frame_corrections);
+    *avatar = (struct avatar){0};
 }
 
-struct bone_corrections avatar_corrections(const struct avatar *f, int64_t frame)
+struct bone_corrections avatar_corrections(const struct avatar *avatar, int64_t frame)
 {
     int after = 0;
-    while (after < f->frame_count && f->frames[after] < frame)
+    while (after < avatar->frame_count && avatar->frames[after] < frame)
         after++;
-    if (after == f->frame_count)
-        return f->frame_corrections[after - 1];
-    if (after == 0 || f->frames[after] == frame)
-        return f->frame_corrections[after];
-    double t = (double)(frame - f->frames[after - 1]) / (double)(f->frames[after] - f->frames[after - 1]);
-    return bone_corrections_mix(&f->frame_corrections[after - 1], &f->frame_corrections[after], t);
+    if (after == avatar->frame_count)
+        return avatar->frame_corrections[after - 1];
+    if (after == 0 || avatar->frames[after] == frame)
+        return avatar->frame_corrections[after];
+    double t =
+        (double)(frame - avatar->frames[after - 1]) / (double)(avatar->frames[after] - avatar->frames[after - 1]);
+    return bone_corrections_mix(&avatar->frame_corrections[after - 1], &avatar->frame_corrections[after], t);
 }

@@ -64,10 +64,10 @@ struct avatar_options avatar_default_options(void);
 // frees it with avatar_free.
 MUST_CHECK enum status avatar_make(struct avatar *out, struct take *take, const struct source_rays *rays,
                                    const struct avatar_options *options);
-void avatar_free(struct avatar *f);
+void avatar_free(struct avatar *avatar);
 
 // The corrections of any frame's joints, interpolated between the used frames around it. The avatar has at least one.
-struct bone_corrections avatar_corrections(const struct avatar *f, int64_t frame);
+struct bone_corrections avatar_corrections(const struct avatar *avatar, int64_t frame);
 
 // ---------------------------------------------------------------- avatar store
 

@@ -1,13 +1,13 @@
 #include "reenact/avatar/axial_rotation.h"
-#include "base/portable_math.h"
 
+#include "base/portable_math.h"
 #include "reenact/observation/depth_frame.h"
 
 #include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { ANGLES = 25, SAMPLES = 600, SAMPLES_LEAST = 20, RIM_PX = 1 };
+enum { ANGLES = 25, SAMPLES = 600, SAMPLES_MIN = 20, RIM_PX = 1 };
 
 // Tuned by hand on three takes of docs/results.md: dance, the small world's dancer, and the filmed man.
 static const double STEP_RAD = 0.05, HEAD_STEP_RAD = 0.125; // between neighbouring angles
@@ -16,15 +16,15 @@ static const double PRIOR_RAD = 0.3;
 static const double THIGH_PRIOR_RAD = 0.15;   // of a thigh, since a bent knee shows it
 static const double HEAD_PRIOR_RAD = 0.5;     // of a head, which turns against the trunk
 static const double RATE_RAD_S = 2;           // and of the change of its error in a second
-static const double LEAST_FACING = 0.3;       // cosine towards the camera
+static const double MIN_FACING = 0.3;         // cosine towards the camera
 static const double DEPTH_HALF_COST_M = 0.02; // a depth sample this far behind a point costs a half
 static const float COLOR_OUTLIER = 0.15F;     // scale of the robust colour cost; gamma-encoded, 0 to 1
 static const float UNKNOWN_COST = 0.35F;      // of 1: of a visible point whose colour is not learned yet
 static const float DEPTH_WEIGHT = 0.5F;       // of the depth cost against the colours', as the shape is still coarse
 static const double COLOR_SIGMA = 0.06;       // standard deviation of equal colours' difference
 static const double INDEPENDENT_SAMPLES = 20; // of a bone, at most: colour errors of neighbours are correlated
-static const float GAIN_LEAST = 0.7F, GAIN_MOST = 1.4F; // of a bone's brightness against the learned one
-static const float MOST_WEIGHT = 20;                    // of a learned colour, in frames
+static const float GAIN_MIN = 0.7F, GAIN_MAX = 1.4F; // of a bone's brightness against the learned one
+static const float MAX_WEIGHT = 20;                  // of a learned colour, in frames
 
 // A point of the surface that moves rigidly with one bone, and its learned colour.
 struct bone_sample {
@@ -65,8 +65,8 @@ static bool is_rigid(const struct bind_pose *bind_pose, struct vec3 point, int b
     return skin.bone[0] == bone && skin.weight[0] > 0.8F;
 }
 
-static void find_samples(struct bone_samples *s, const struct bind_pose *bind_pose, const struct surface_mesh *surface,
-                         int bone)
+static void find_samples(struct bone_samples *samples, const struct bind_pose *bind_pose,
+                         const struct surface_mesh *surface, int bone)
 {
     int all = 0, at = 0;
     for (int i = 0; i < surface->point_count; i++)
@@ -74,7 +74,8 @@ static void find_samples(struct bone_samples *s, const struct bind_pose *bind_po
     const int every = all / SAMPLES + 1;
     for (int i = 0; i < surface->point_count; i++)
         if (is_rigid(bind_pose, surface->points[i], bone) && at++ % every == 0)
-            s->of[s->count++] = (struct bone_sample){.point = surface->points[i], .normal = surface->normals[i]};
+            samples->of[samples->count++] =
+                (struct bone_sample){.point = surface->points[i], .normal = surface->normals[i]};
 }
 
 enum status axial_rotation_open(struct axial_rotation **out, const struct bind_pose *bind_pose,
@@ -99,14 +100,14 @@ enum status axial_rotation_open(struct axial_rotation **out, const struct bind_p
     return OK;
 }
 
-void axial_rotation_close(struct axial_rotation **t)
+void axial_rotation_close(struct axial_rotation **rotation)
 {
-    if (!*t)
+    if (!*rotation)
         return;
-    free((*t)->cost);
-    free((*t)->seed_score);
-    free(*t);
-    *t = NULL;
+    free((*rotation)->cost);
+    free((*rotation)->seed_score);
+    free(*rotation);
+    *rotation = NULL;
 }
 
 // A rotation about the bone's axis through its origin; bind-pose axes.
@@ -126,37 +127,39 @@ struct observation {
     float off;          // depth cost, 0 to 1; negative: the point is occluded or turned away, no cost
 };
 
-static struct observation observe(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
-                                  const struct bone_sample *sample, const struct pose *pose)
+static struct observation observe_sample(const struct axial_rotation *rotation,
+                                         const struct axial_rotation_frame *frame, int bone,
+                                         const struct bone_sample *sample, const struct pose *pose)
 {
     struct observation observation = {NULL, -1};
     struct vec3 p = pose_apply(*pose, sample->point), n = quat_rotate(pose->rotation, sample->normal);
-    if (-v3_dot(n, p) < LEAST_FACING * v3_length(p))
+    if (-v3_dot(n, p) < MIN_FACING * v3_length(p))
         return observation;
-    const bool registered = t->calibration.registered;
-    const struct depth_frame *s = frame->depth_frame;
-    struct vec3 d = registered ? p : pose_apply(t->depth_from_color, p);
-    int in_depth = depth_pixel_at(&t->calibration.depth, d);
-    if (in_depth < 0 || s->part[in_depth] == DEPTH_FRAME_MIXED)
+    const bool registered = rotation->calibration.registered;
+    const struct depth_frame *depth_frame = frame->depth_frame;
+    struct vec3 d = registered ? p : pose_apply(rotation->depth_from_color, p);
+    int in_depth = depth_pixel_at(&rotation->calibration.depth, d);
+    if (in_depth < 0 || depth_frame->part[in_depth] == DEPTH_FRAME_MIXED)
         return observation;
-    double behind = s->depth[in_depth] * 1e-3 - d.z;
-    if (s->part[in_depth] == DEPTH_FRAME_BACKGROUND || !bones_adjacent(s->part[in_depth], (int)bone_part(bone))) {
-        observation.off = s->depth[in_depth] && behind > DEPTH_AGREEMENT_M ? 1 : -1;
+    double behind = depth_frame->depth[in_depth] * 1e-3 - d.z;
+    if (depth_frame->part[in_depth] == DEPTH_FRAME_BACKGROUND ||
+        !bones_adjacent(depth_frame->part[in_depth], (int)bone_part(bone))) {
+        observation.off = depth_frame->depth[in_depth] && behind > DEPTH_AGREEMENT_M ? 1 : -1;
         return observation;
     }
     if (behind < -DEPTH_AGREEMENT_M)
         return observation;
     observation.off = (float)(behind * behind / (behind * behind + DEPTH_HALF_COST_M * DEPTH_HALF_COST_M));
-    int in_color = registered ? in_depth : depth_pixel_at(&t->calibration.color, p);
-    if (in_color >= 0 && s->edge_distance[in_depth] >= RIM_PX && behind < DEPTH_AGREEMENT_M)
+    int in_color = registered ? in_depth : depth_pixel_at(&rotation->calibration.color, p);
+    if (in_color >= 0 && depth_frame->edge_distance[in_depth] >= RIM_PX && behind < DEPTH_AGREEMENT_M)
         observation.rgb = frame->rgb + 3 * (size_t)in_color;
     return observation;
 }
 
-static struct pose rotated_pose(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
-                                double angle)
+static struct pose rotated_pose(const struct axial_rotation *rotation, const struct axial_rotation_frame *frame,
+                                int bone, double angle)
 {
-    return pose_multiply(frame->transforms->bone[bone], axial_pose(t->bind_pose, bone, angle));
+    return pose_multiply(frame->transforms->bone[bone], axial_pose(rotation->bind_pose, bone, angle));
 }
 
 // A point's colour in the frame, and the learned one.
@@ -165,15 +168,15 @@ struct color_pair {
 };
 
 // The mean cost of the frame if a bone is at `pose`. *count: of the visible points.
-static float angle_cost(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
+static float angle_cost(const struct axial_rotation *rotation, const struct axial_rotation_frame *frame, int bone,
                         const struct pose *pose, int *count)
 {
-    const struct bone_samples *s = &t->samples[bone];
+    const struct bone_samples *s = &rotation->samples[bone];
     struct color_pair pairs[SAMPLES];
     float both = 0, own = 0, cost = 0, depth_cost = 0;
     int depth_count = 0, known = 0, unknown = 0;
     for (int i = 0; i < s->count; i++) {
-        const struct observation observation = observe(t, frame, bone, &s->of[i], pose);
+        const struct observation observation = observe_sample(rotation, frame, bone, &s->of[i], pose);
         if (observation.off >= 0)
             depth_cost += observation.off, depth_count++;
         if (!observation.rgb)
@@ -190,7 +193,7 @@ static float angle_cost(const struct axial_rotation *t, const struct axial_rotat
             own += p->known[c] * p->known[c];
         }
     }
-    const float gain = fminf(fmaxf(own > 0 ? both / own : 1, GAIN_LEAST), GAIN_MOST);
+    const float gain = fminf(fmaxf(own > 0 ? both / own : 1, GAIN_MIN), GAIN_MAX);
     for (int i = 0; i < known; i++) {
         float off2 = 0;
         for (int c = 0; c < 3; c++) {
@@ -206,30 +209,30 @@ static float angle_cost(const struct axial_rotation *t, const struct axial_rotat
 }
 
 // Of every angle; all 0 where too few points are visible at any of them.
-static void angle_costs(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
+static void angle_costs(const struct axial_rotation *rotation, const struct axial_rotation_frame *frame, int bone,
                         float cost[ANGLES])
 {
-    int least = SAMPLES;
-    for (int k = 0; k < ANGLES && least >= SAMPLES_LEAST; k++) {
+    int min = SAMPLES;
+    for (int k = 0; k < ANGLES && min >= SAMPLES_MIN; k++) {
         int count;
-        struct pose pose = rotated_pose(t, frame, bone, angle_of(bone, k));
-        cost[k] = angle_cost(t, frame, bone, &pose, &count);
-        least = count < least ? count : least;
+        struct pose pose = rotated_pose(rotation, frame, bone, angle_of(bone, k));
+        cost[k] = angle_cost(rotation, frame, bone, &pose, &count);
+        min = count < min ? count : min;
     }
-    if (least < SAMPLES_LEAST)
+    if (min < SAMPLES_MIN)
         memset(cost, 0, sizeof(float) * ANGLES);
 }
 
-void axial_rotation_measure(struct axial_rotation *t, int i, const struct axial_rotation_frame *frame)
+void axial_rotation_measure(struct axial_rotation *rotation, int i, const struct axial_rotation_frame *frame)
 {
     for (int b = 0; b < BONE_COUNT; b++)
-        if (t->samples[b].count)
-            angle_costs(t, frame, b, t->cost[i][b]);
+        if (rotation->samples[b].count)
+            angle_costs(rotation, frame, b, rotation->cost[i][b]);
 }
 
 // ---------------------------------------------------------------- probabilities
 
-static void normalize(double *w)
+static void normalize_weights(double *w)
 {
     double sum = 0;
     for (int k = 0; k < ANGLES; k++)
@@ -239,7 +242,7 @@ static void normalize(double *w)
 }
 
 // The motion model: probabilities of a frame's angles from those of its neighbour, `apart_s` away.
-static void diffuse(const double *from, double apart_s, int bone, double *to)
+static void diffuse_angles(const double *from, double apart_s, int bone, double *to)
 {
     const double moved = RATE_RAD_S * fmax(fabs(apart_s), 0.01) / step_of(bone);
     for (int k = 0; k < ANGLES; k++) {
@@ -247,7 +250,7 @@ static void diffuse(const double *from, double apart_s, int bone, double *to)
         for (int j = 0; j < ANGLES; j++)
             to[k] += from[j] * portable_exp(-0.5 * (k - j) * (k - j) / (moved * moved));
     }
-    normalize(to);
+    normalize_weights(to);
 }
 
 static double prior_sigma_rad(int bone)
@@ -270,42 +273,43 @@ static void angle_likelihood(const float cost[ANGLES], int bone, double own[ANGL
         double angle = angle_of(bone, k) / sigma;
         own[k] = portable_exp(-0.5 * angle * angle - each * (double)cost[k]);
     }
-    normalize(own);
+    normalize_weights(own);
 }
 
 // Learns the colours of the bone's points, with the bone at `pose`: the mean over the frames that show them.
-static void update_colors(struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
+static void update_colors(struct axial_rotation *rotation, const struct axial_rotation_frame *frame, int bone,
                           const struct pose *pose)
 {
-    for (int i = 0; i < t->samples[bone].count; i++) {
-        struct bone_sample *s = &t->samples[bone].of[i];
-        const uint8_t *rgb = observe(t, frame, bone, s, pose).rgb;
+    for (int i = 0; i < rotation->samples[bone].count; i++) {
+        struct bone_sample *s = &rotation->samples[bone].of[i];
+        const uint8_t *rgb = observe_sample(rotation, frame, bone, s, pose).rgb;
         if (!rgb)
             continue;
         for (int c = 0; c < 3; c++)
             s->color[c] += ((float)rgb[c] / 255 - s->color[c]) / (s->weight + 1);
-        s->weight = fminf(s->weight + 1, MOST_WEIGHT);
+        s->weight = fminf(s->weight + 1, MAX_WEIGHT);
     }
 }
 
 // The bone whose texture chooses the seed: the skull if known, since hardly anything else differs as much from side to
 // side. -1: none. At the seed its angle is taken from the joints, so the seed should be a frame in which people face
 // straight ahead: face and trunk's front both show.
-static int seed_bone(const struct axial_rotation *t)
+static int seed_bone(const struct axial_rotation *rotation)
 {
     for (int b = BONE_COUNT - 1; b >= 0; b--)
-        if (t->samples[b].count)
+        if (rotation->samples[b].count)
             return b;
     return -1;
 }
 
 // The texture that a frame shows of a bone: the sum of squared deviations from the mean colour, bytes.
-static double color_variance(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone)
+static double color_variance(const struct axial_rotation *rotation, const struct axial_rotation_frame *frame, int bone)
 {
     double sum[3] = {0}, square = 0;
     int count = 0;
-    for (int k = 0; k < t->samples[bone].count; k++) {
-        const uint8_t *rgb = observe(t, frame, bone, &t->samples[bone].of[k], &frame->transforms->bone[bone]).rgb;
+    for (int k = 0; k < rotation->samples[bone].count; k++) {
+        const uint8_t *rgb =
+            observe_sample(rotation, frame, bone, &rotation->samples[bone].of[k], &frame->transforms->bone[bone]).rgb;
         if (!rgb)
             continue;
         for (int c = 0; c < 3; c++) {
@@ -318,79 +322,80 @@ static double color_variance(const struct axial_rotation *t, const struct axial_
 }
 
 // Cosine between the bone's front and the direction to the camera.
-static double facing(const struct axial_rotation *t, int bone, const struct pose *pose)
+static double facing_cosine(const struct axial_rotation *rotation, int bone, const struct pose *pose)
 {
     const struct vec3 front = quat_rotate(pose->rotation, (struct vec3){0, 0, -1});
-    const struct vec3 at = pose_apply(*pose, t->bind_pose->frame[bone].origin);
+    const struct vec3 at = pose_apply(*pose, rotation->bind_pose->frame[bone].origin);
     return -v3_dot(front, at) / fmax(v3_length(at), DBL_MIN);
 }
 
-void axial_rotation_score_seed(struct axial_rotation *t, int i, const struct axial_rotation_frame *frame)
+void axial_rotation_score_seed(struct axial_rotation *rotation, int i, const struct axial_rotation_frame *frame)
 {
-    const int bone = seed_bone(t);
+    const int bone = seed_bone(rotation);
     if (bone >= 0)
-        t->seed_score[i] = color_variance(t, frame, bone) * fmax(facing(t, bone, &frame->transforms->bone[bone]), 0);
+        rotation->seed_score[i] = color_variance(rotation, frame, bone) *
+                                  fmax(facing_cosine(rotation, bone, &frame->transforms->bone[bone]), 0);
 }
 
-int axial_rotation_order(const struct axial_rotation *t, int nth)
+int axial_rotation_order(const struct axial_rotation *rotation, int nth)
 {
     int first = 0;
-    for (int i = 1; i < t->frames; i++)
-        first = t->seed_score[i] > t->seed_score[first] ? i : first;
-    return first + nth < t->frames ? first + nth : t->frames - 1 - nth;
+    for (int i = 1; i < rotation->frames; i++)
+        first = rotation->seed_score[i] > rotation->seed_score[first] ? i : first;
+    return first + nth < rotation->frames ? first + nth : rotation->frames - 1 - nth;
 }
 
-void axial_rotation_track(struct axial_rotation *t, const struct axial_rotation_frame *frame)
+void axial_rotation_track(struct axial_rotation *rotation, const struct axial_rotation_frame *frame)
 {
-    if (t->tracking && frame->time_s < t->first.time_s && t->last.time_s > t->first.time_s)
-        t->last = t->first; // the second half: from the seed to the beginning
+    if (rotation->tracking && frame->time_s < rotation->first.time_s && rotation->last.time_s > rotation->first.time_s)
+        rotation->last = rotation->first; // the second half: from the seed to the beginning
     for (int b = 0; b < BONE_COUNT; b++) {
-        if (!t->samples[b].count)
+        if (!rotation->samples[b].count)
             continue;
         float cost[ANGLES];
         double posterior[ANGLES], angle = 0;
-        angle_costs(t, frame, b, cost);
+        angle_costs(rotation, frame, b, cost);
         angle_likelihood(cost, b, posterior);
-        if (t->tracking) {
+        if (rotation->tracking) {
             double likelihood[ANGLES];
             memcpy(likelihood, posterior, sizeof likelihood);
-            diffuse(t->last.of[b], frame->time_s - t->last.time_s, b, posterior);
+            diffuse_angles(rotation->last.of[b], frame->time_s - rotation->last.time_s, b, posterior);
             for (int k = 0; k < ANGLES; k++)
                 posterior[k] *= likelihood[k];
-            normalize(posterior);
+            normalize_weights(posterior);
         }
         for (int k = 0; k < ANGLES; k++)
             angle += posterior[k] * angle_of(b, k);
-        memcpy(t->last.of[b], posterior, sizeof posterior);
-        struct pose pose = rotated_pose(t, frame, b, angle);
-        update_colors(t, frame, b, &pose);
+        memcpy(rotation->last.of[b], posterior, sizeof posterior);
+        struct pose pose = rotated_pose(rotation, frame, b, angle);
+        update_colors(rotation, frame, b, &pose);
     }
-    t->last.time_s = frame->time_s;
-    if (!t->tracking)
-        t->first = t->last;
-    t->tracking = true;
+    rotation->last.time_s = frame->time_s;
+    if (!rotation->tracking)
+        rotation->first = rotation->last;
+    rotation->tracking = true;
 }
 
 // Forward-backward smoothing; angle: of each frame, the mean of its posterior. forward: scratch, one row a frame.
-static void smooth_angles(const struct axial_rotation *t, int bone, const double *time_s, double (*forward)[ANGLES],
-                          double *angle)
+static void smooth_angles(const struct axial_rotation *rotation, int bone, const double *time_s,
+                          double (*forward)[ANGLES], double *angle)
 {
     double likelihood[ANGLES], now[ANGLES], backward[ANGLES];
-    for (int i = 0; i < t->frames; i++) {
+    for (int i = 0; i < rotation->frames; i++) {
         for (int k = 0; k < ANGLES; k++)
             forward[i][k] = 1;
         if (i > 0) {
-            angle_likelihood(t->cost[i - 1][bone], bone, likelihood);
+            angle_likelihood(rotation->cost[i - 1][bone], bone, likelihood);
             for (int k = 0; k < ANGLES; k++)
                 now[k] = forward[i - 1][k] * likelihood[k];
-            diffuse(now, time_s[i] - time_s[i - 1], bone, forward[i]);
+            diffuse_angles(now, time_s[i] - time_s[i - 1], bone, forward[i]);
         }
     }
     for (int k = 0; k < ANGLES; k++)
         backward[k] = 1;
-    for (int i = t->frames - 1; i >= 0; i--) {
+    for (int i = rotation->frames - 1; i >= 0; i--) {
         double sum = 0;
-        angle_likelihood(t->cost[i][bone], bone, likelihood);
+        angle_likelihood(rotation->cost[i][bone], bone, likelihood);
         angle[i] = 0;
         for (int k = 0; k < ANGLES; k++) {
             now[k] = likelihood[k] * backward[k];
@@ -399,7 +404,7 @@ static void smooth_angles(const struct axial_rotation *t, int bone, const double
         }
         angle[i] /= sum;
         if (i > 0)
-            diffuse(now, time_s[i] - time_s[i - 1], bone, backward);
+            diffuse_angles(now, time_s[i] - time_s[i - 1], bone, backward);
     }
 }
 

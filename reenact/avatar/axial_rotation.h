@@ -19,7 +19,7 @@ struct axial_rotation;
 MUST_CHECK enum status axial_rotation_open(struct axial_rotation **out, const struct bind_pose *bind_pose,
                                            const struct surface_mesh *surface, const struct calibration *calibration,
                                            int frames);
-void axial_rotation_close(struct axial_rotation **t); // accepts NULL in *t
+void axial_rotation_close(struct axial_rotation **rotation); // accepts NULL in *rotation
 
 // A frame, with the bones' transforms (colour camera's axes) as they are without these rotations.
 struct axial_rotation_frame {
@@ -30,14 +30,14 @@ struct axial_rotation_frame {
 };
 
 // Step 1, for each frame i. Different frames may be scored on different threads.
-void axial_rotation_score_seed(struct axial_rotation *t, int i, const struct axial_rotation_frame *frame);
+void axial_rotation_score_seed(struct axial_rotation *rotation, int i, const struct axial_rotation_frame *frame);
 
 // Step 2, once all are scored, on one thread: the frame that is to be tracked as number nth, counted from 0; and that.
-int axial_rotation_order(const struct axial_rotation *t, int nth);
-void axial_rotation_track(struct axial_rotation *t, const struct axial_rotation_frame *frame);
+int axial_rotation_order(const struct axial_rotation *rotation, int nth);
+void axial_rotation_track(struct axial_rotation *rotation, const struct axial_rotation_frame *frame);
 
 // Step 3, once all are tracked, for each frame i. Different frames may be measured on different threads.
-void axial_rotation_measure(struct axial_rotation *t, int i, const struct axial_rotation_frame *frame);
+void axial_rotation_measure(struct axial_rotation *rotation, int i, const struct axial_rotation_frame *frame);
 
 // Once all are measured: rotates the corrections of each frame. time_s: of each frame, increasing. ERR_MEMORY; the
 // corrections are unchanged then.

@@ -26,56 +26,57 @@ struct height_bins {
 
 static const double HEIGHT_BIN_M = 0.01;
 
-static int height_bin_of(const struct height_bins *s, double height)
+static int height_bin_of(const struct height_bins *bins, double height)
 {
-    return (int)clamp_double(floor((height - s->low) / HEIGHT_BIN_M), 0, s->count - 1);
+    return (int)clamp_double(floor((height - bins->low) / HEIGHT_BIN_M), 0, bins->count - 1);
 }
 
-static enum status height_bins_open(struct height_bins *s, const struct surface_mesh *surface, const uint8_t *filled)
+static enum status height_bins_open(struct height_bins *bins, const struct surface_mesh *surface, const uint8_t *filled)
 {
     double low = INFINITY, high = -INFINITY;
     for (int i = 0; i < surface->point_count; i++) {
         low = fmin(low, surface->points[i].y);
         high = fmax(high, surface->points[i].y);
     }
-    *s = (struct height_bins){.low = low, .count = (int)fmin(fmax((high - low) / HEIGHT_BIN_M, 0), 1e6) + 1};
-    assert(s->count > 0);
-    s->first = calloc((size_t)s->count + 1, sizeof *s->first);
-    s->points = malloc(sizeof *s->points * (size_t)surface->point_count);
-    if (!s->first || !s->points) {
-        free(s->first);
-        free(s->points);
+    *bins = (struct height_bins){.low = low, .count = (int)fmin(fmax((high - low) / HEIGHT_BIN_M, 0), 1e6) + 1};
+    assert(bins->count > 0);
+    bins->first = calloc((size_t)bins->count + 1, sizeof *bins->first);
+    bins->points = malloc(sizeof *bins->points * (size_t)surface->point_count);
+    if (!bins->first || !bins->points) {
+        free(bins->first);
+        free(bins->points);
         return fail(ERR_MEMORY, "no memory for inpainting colours");
     }
     for (int i = 0; i < surface->point_count; i++)
-        s->first[height_bin_of(s, surface->points[i].y)] += !filled[i];
-    for (int k = 1; k <= s->count; k++)
-        s->first[k] += s->first[k - 1];
+        bins->first[height_bin_of(bins, surface->points[i].y)] += !filled[i];
+    for (int k = 1; k <= bins->count; k++)
+        bins->first[k] += bins->first[k - 1];
     for (int i = surface->point_count - 1; i >= 0; i--)
         if (!filled[i])
-            s->points[--s->first[height_bin_of(s, surface->points[i].y)]] = i;
+            bins->points[--bins->first[height_bin_of(bins, surface->points[i].y)]] = i;
     return OK;
 }
 
 // The nearest point that was seen, of equals the lowest-numbered; -1: none is nearer than `within`.
-static int nearest_seen(const struct height_bins *s, const struct surface_mesh *surface, struct vec3 p, double within)
+static int nearest_seen(const struct height_bins *bins, const struct surface_mesh *surface, struct vec3 p,
+                        double within)
 {
-    int best = -1, middle = height_bin_of(s, p.y);
-    double least = within * within;
-    for (int away = 0; away < s->count; away++) {
+    int best = -1, middle = height_bin_of(bins, p.y);
+    double min = within * within;
+    for (int away = 0; away < bins->count; away++) {
         double beside = fmax(away - 1, 0) * HEIGHT_BIN_M; // no point of such a bin is nearer
-        if (beside * beside > least)
+        if (beside * beside > min)
             break;
         for (int side = away ? -1 : 1; side <= 1; side += 2) {
             int k = middle + side * away;
-            if (k < 0 || k >= s->count)
+            if (k < 0 || k >= bins->count)
                 continue;
-            for (int at = s->first[k]; at < s->first[k + 1]; at++) {
-                int i = s->points[at];
+            for (int at = bins->first[k]; at < bins->first[k + 1]; at++) {
+                int i = bins->points[at];
                 struct vec3 d = v3_sub(surface->points[i], p);
                 double d2 = v3_dot(d, d);
-                if (d2 < least || (d2 == least && best > i))
-                    least = d2, best = i;
+                if (d2 < min || (d2 == min && best > i))
+                    min = d2, best = i;
             }
         }
     }
@@ -99,10 +100,10 @@ struct ring_samples {
 
 static int by_along(const void *a, const void *b)
 {
-    const struct ring_sample *x = a, *y = b;
-    if (x->along != y->along)
-        return x->along < y->along ? -1 : 1;
-    return (x->number > y->number) - (x->number < y->number);
+    const struct ring_sample *sample = a, *y = b;
+    if (sample->along != y->along)
+        return sample->along < y->along ? -1 : 1;
+    return (sample->number > y->number) - (sample->number < y->number);
 }
 
 // How far along the bone; of the skull along the way it faces, about which hair and face lie in rings.
@@ -122,7 +123,7 @@ static struct ring_sample ring_sample_of(const struct vertex_colors *vertex_colo
                                 .number = i};
 }
 
-static void find_ring_samples(struct ring_samples *w, const struct vertex_colors *vertex_colors,
+static void find_ring_samples(struct ring_samples *samples, const struct vertex_colors *vertex_colors,
                               const struct vertex_color_target *target)
 {
     const struct surface_mesh *surface = target->surface;
@@ -135,19 +136,19 @@ static void find_ring_samples(struct ring_samples *w, const struct vertex_colors
         if (vertex_colors->filled[i] || at[b]++ % (seen[b] / RING_SAMPLES + 1))
             continue;
         const struct vec3 p = surface->points[i];
-        w->of[b][w->count[b]++] = ring_sample_of(vertex_colors, i, p, along_bone(target->bind_pose, b, p));
+        samples->of[b][samples->count[b]++] = ring_sample_of(vertex_colors, i, p, along_bone(target->bind_pose, b, p));
     }
     for (int b = 0; b < BONE_COUNT; b++)
-        qsort(w->of[b], (size_t)w->count[b], sizeof *w->of[b], by_along);
+        qsort(samples->of[b], (size_t)samples->count[b], sizeof *samples->of[b], by_along);
 }
 
 // The first sample at or past `along`.
-static int first_from(const struct ring_sample *w, int count, double along)
+static int first_from(const struct ring_sample *sample, int count, double along)
 {
     int low = 0, high = count;
     while (low < high) {
         int middle = low + (high - low) / 2;
-        if (w[middle].along < along)
+        if (sample[middle].along < along)
             low = middle + 1;
         else
             high = middle;
@@ -156,16 +157,16 @@ static int first_from(const struct ring_sample *w, int count, double along)
 }
 
 // A sample's weight for p, by its distance along the bone and its distance in space.
-static float ring_weight(const struct ring_sample *w, struct vec3 p, double along)
+static float ring_weight(const struct ring_sample *sample, struct vec3 p, double along)
 {
-    const float off = (float)((w->along - along) / RING_HALF_WIDTH_M), level = 1 - off * off;
-    const float d[3] = {w->at[0] - (float)p.x, w->at[1] - (float)p.y, w->at[2] - (float)p.z};
+    const float off = (float)((sample->along - along) / RING_HALF_WIDTH_M), level = 1 - off * off;
+    const float d[3] = {sample->at[0] - (float)p.x, sample->at[1] - (float)p.y, sample->at[2] - (float)p.z};
     const float beside = 1 + (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / (RING_FALLOFF_M * RING_FALLOFF_M);
     return level * level / (beside * beside);
 }
 
 // Iteratively reweighted mean (Geman-McClure).
-static void robust_mean(const struct ring_sample *w, const float *weight, int count, float color[3])
+static void robust_mean(const struct ring_sample *sample, const float *weight, int count, float color[3])
 {
     float robust[RING_SAMPLES];
     memcpy(robust, weight, sizeof *robust * (size_t)count);
@@ -173,7 +174,7 @@ static void robust_mean(const struct ring_sample *w, const float *weight, int co
         float sum[3] = {0}, total = 0;
         for (int k = 0; k < count; k++) {
             for (int c = 0; c < 3; c++)
-                sum[c] += robust[k] * w[k].color[c];
+                sum[c] += robust[k] * sample[k].color[c];
             total += robust[k];
         }
         for (int c = 0; c < 3; c++)
@@ -181,7 +182,7 @@ static void robust_mean(const struct ring_sample *w, const float *weight, int co
         for (int k = 0; k < count; k++) {
             float off2 = 0;
             for (int c = 0; c < 3; c++)
-                off2 += (w[k].color[c] - color[c]) * (w[k].color[c] - color[c]);
+                off2 += (sample[k].color[c] - color[c]) * (sample[k].color[c] - color[c]);
             const float alike = 1 + off2 / (COLOR_OUTLIER * COLOR_OUTLIER);
             robust[k] = weight[k] / (alike * alike);
         }
@@ -192,24 +193,24 @@ static void robust_mean(const struct ring_sample *w, const float *weight, int co
 static bool fill_from_ring(const struct ring_samples *all, int bone, struct vec3 p, double along, float color[3],
                            float *time_s)
 {
-    const struct ring_sample *w = all->of[bone];
+    const struct ring_sample *sample = all->of[bone];
     const int last = all->count[bone] - 1;
     if (last < 0)
         return false;
-    along =
-        fmin(fmax(along, w[0].along + RING_HALF_WIDTH_M / 2), fmax(w[last].along - RING_HALF_WIDTH_M / 2, w[0].along));
-    const int first = first_from(w, all->count[bone], along - RING_HALF_WIDTH_M);
-    float weight[RING_SAMPLES], most = 0;
+    along = fmin(fmax(along, sample[0].along + RING_HALF_WIDTH_M / 2),
+                 fmax(sample[last].along - RING_HALF_WIDTH_M / 2, sample[0].along));
+    const int first = first_from(sample, all->count[bone], along - RING_HALF_WIDTH_M);
+    float weight[RING_SAMPLES], max = 0;
     int count = 0;
-    for (int k = first; k <= last && w[k].along < along + RING_HALF_WIDTH_M; k++) {
-        weight[count] = ring_weight(&w[k], p, along);
-        if (weight[count] > most)
-            most = weight[count], *time_s = w[k].time_s;
+    for (int k = first; k <= last && sample[k].along < along + RING_HALF_WIDTH_M; k++) {
+        weight[count] = ring_weight(&sample[k], p, along);
+        if (weight[count] > max)
+            max = weight[count], *time_s = sample[k].time_s;
         count++;
     }
-    if (!(most > 0))
+    if (!(max > 0))
         return false;
-    robust_mean(&w[first], weight, count, color);
+    robust_mean(&sample[first], weight, count, color);
     for (int c = 0; c < 3; c++)
         color[c] *= color[c];
     return true;
@@ -224,43 +225,43 @@ struct inpainting {
     struct vertex_colors *vertex_colors;
 };
 
-static void copy_color(struct vertex_colors *c, int i, int from)
+static void copy_color(struct vertex_colors *colors, int i, int from)
 {
     if (from < 0)
         return;
-    memcpy(c->color[i], c->color[from], sizeof c->color[i]);
-    c->time_s[i] = c->time_s[from];
+    memcpy(colors->color[i], colors->color[from], sizeof colors->color[i]);
+    colors->time_s[i] = colors->time_s[from];
 }
 
 // The point that was seen nearest to p's mirror image; -1: none, or one was seen about as near to p itself.
-static int mirror_of(const struct inpainting *f, struct vec3 p)
+static int mirror_of(const struct inpainting *inpainting, struct vec3 p)
 {
-    const struct surface_mesh *surface = f->target->surface;
+    const struct surface_mesh *surface = inpainting->target->surface;
     const struct vec3 mirrored = {-p.x, p.y, p.z};
-    const int mirror = nearest_seen(&f->bins, surface, mirrored, MIRROR_M);
+    const int mirror = nearest_seen(&inpainting->bins, surface, mirrored, MIRROR_M);
     if (mirror < 0)
         return -1;
     const double beside_m = 2 * v3_distance(surface->points[mirror], mirrored);
-    return nearest_seen(&f->bins, surface, p, beside_m) < 0 ? mirror : -1;
+    return nearest_seen(&inpainting->bins, surface, p, beside_m) < 0 ? mirror : -1;
 }
 
 // Threads share nothing that is written: only unseen points are written, only seen ones are read.
 static void fill_chunk(void *context, int chunk)
 {
-    const struct inpainting *f = context;
-    const struct surface_mesh *surface = f->target->surface;
-    struct vertex_colors *c = f->vertex_colors;
+    const struct inpainting *inpainting = context;
+    const struct surface_mesh *surface = inpainting->target->surface;
+    struct vertex_colors *c = inpainting->vertex_colors;
     for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < surface->point_count; i++) {
         if (!c->filled[i])
             continue;
         const struct vec3 p = surface->points[i];
-        const int bone = f->target->skins[i].bone[0];
-        const int mirror = mirror_of(f, p);
+        const int bone = inpainting->target->skins[i].bone[0];
+        const int mirror = mirror_of(inpainting, p);
         if (mirror >= 0)
             copy_color(c, i, mirror);
-        else if (!fill_from_ring(f->ring, bone, p, along_bone(f->target->bind_pose, bone, p), c->color[i],
-                                 &c->time_s[i]))
-            copy_color(c, i, nearest_seen(&f->bins, surface, p, INFINITY));
+        else if (!fill_from_ring(inpainting->ring, bone, p, along_bone(inpainting->target->bind_pose, bone, p),
+                                 c->color[i], &c->time_s[i]))
+            copy_color(c, i, nearest_seen(&inpainting->bins, surface, p, INFINITY));
     }
 }
 

@@ -60,7 +60,7 @@ struct deformation {
     four *shift;                                           // of each node
     four *rhs, *residual, *direction, *product, *diagonal; // the solver's
     struct deformation_row *rows;
-    int row_count, row_most;
+    int row_count, row_max;
     struct deformation_sample *depth_samples;
     int sample_count;
     struct contour_point *contour;
@@ -82,11 +82,11 @@ struct deformation_constraint {
 
 // ---------------------------------------------------------------- deformation grid
 
-struct deformation_grid deformation_grid_about(const struct surface_mesh *s)
+struct deformation_grid deformation_grid_about(const struct surface_mesh *mesh)
 {
-    struct vec3 low = s->points[0], high = low;
-    for (int i = 1; i < s->point_count; i++) {
-        struct vec3 p = s->points[i];
+    struct vec3 low = mesh->points[0], high = low;
+    for (int i = 1; i < mesh->point_count; i++) {
+        struct vec3 p = mesh->points[i];
         low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
         high = v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
     }
@@ -99,36 +99,40 @@ struct deformation_grid deformation_grid_about(const struct surface_mesh *s)
     return g;
 }
 
-bool deformation_grid_is_small(const struct surface_mesh *s)
+bool deformation_grid_is_small(const struct surface_mesh *mesh)
 {
-    const struct deformation_grid g = deformation_grid_about(s);
-    return (int64_t)g.size[0] * g.size[1] * g.size[2] <= DEFORMATION_POINTS_MOST;
+    const struct deformation_grid g = deformation_grid_about(mesh);
+    return (int64_t)g.size[0] * g.size[1] * g.size[2] <= DEFORMATION_POINTS_MAX;
 }
 
-int deformation_grid_count(const struct deformation_grid *g) { return g->size[0] * g->size[1] * g->size[2]; }
-
-static struct vec3 deformation_grid_point(const struct deformation_grid *g, int at)
+int deformation_grid_count(const struct deformation_grid *grid)
 {
-    return v3_add(g->corner, v3_scale(v3(at % g->size[0], at / g->size[0] % g->size[1], at / g->size[0] / g->size[1]),
-                                      DEFORMATION_STEP_M));
+    return grid->size[0] * grid->size[1] * grid->size[2];
+}
+
+static struct vec3 deformation_grid_point(const struct deformation_grid *grid, int at)
+{
+    return v3_add(grid->corner, v3_scale(v3(at % grid->size[0], at / grid->size[0] % grid->size[1],
+                                            at / grid->size[0] / grid->size[1]),
+                                         DEFORMATION_STEP_M));
 }
 
 // False: p lies outside the grid.
-static bool deformation_grid_cell(const struct deformation_grid *g, struct vec3 p, struct deformation_cell *out)
+static bool deformation_grid_cell(const struct deformation_grid *grid, struct vec3 p, struct deformation_cell *out)
 {
-    const double q[3] = {(p.x - g->corner.x) / DEFORMATION_STEP_M, (p.y - g->corner.y) / DEFORMATION_STEP_M,
-                         (p.z - g->corner.z) / DEFORMATION_STEP_M};
+    const double q[3] = {(p.x - grid->corner.x) / DEFORMATION_STEP_M, (p.y - grid->corner.y) / DEFORMATION_STEP_M,
+                         (p.z - grid->corner.z) / DEFORMATION_STEP_M};
     int cell[3];
     double in[3];
     for (int i = 0; i < 3; i++) {
-        if (!(q[i] >= 0 && q[i] < g->size[i] - 1))
+        if (!(q[i] >= 0 && q[i] < grid->size[i] - 1))
             return false;
         cell[i] = (int)q[i];
         in[i] = q[i] - cell[i];
     }
-    const int at = (cell[2] * g->size[1] + cell[1]) * g->size[0] + cell[0];
+    const int at = (cell[2] * grid->size[1] + cell[1]) * grid->size[0] + cell[0];
     for (int c = 0; c < 8; c++) {
-        out->at[c] = at + (c & 1) + ((c >> 1 & 1) + (c >> 2) * g->size[1]) * g->size[0];
+        out->at[c] = at + (c & 1) + ((c >> 1 & 1) + (c >> 2) * grid->size[1]) * grid->size[0];
         out->weight[c] = 1;
         for (int i = 0; i < 3; i++)
             out->weight[c] *= c >> i & 1 ? in[i] : 1 - in[i];
@@ -149,58 +153,60 @@ static const float SMOOTHNESS_M = 0.024F; // of the difference between neighbour
 static const float SHIFT_PRIOR_M = 0.04F; // of each shift
 
 // The shift of a point of the bind pose in the current iteration, not quantised.
-static struct vec3 deformation_current_shift(const struct deformation *w, struct vec3 bind_point)
+static struct vec3 deformation_current_shift(const struct deformation *deformation, struct vec3 bind_point)
 {
     struct vec3 sum = v3(0, 0, 0);
     struct deformation_cell cell;
-    if (!deformation_grid_cell(&w->grid, bind_point, &cell))
+    if (!deformation_grid_cell(&deformation->grid, bind_point, &cell))
         return sum;
     for (int c = 0; c < 8; c++) {
-        int node = w->node[cell.at[c]];
+        int node = deformation->node[cell.at[c]];
         if (node < 0)
             continue;
-        const four s = w->shift[node];
+        const four s = deformation->shift[node];
         sum = v3_add(sum, v3_scale(v3((double)s[0], (double)s[1], (double)s[2]), cell.weight[c]));
     }
     return sum;
 }
 
 // Drops a constraint outside the nodes, or where the rows are full.
-static void deformation_add_row(struct deformation *w, const struct deformation_constraint *k)
+static void deformation_add_row(struct deformation *deformation, const struct deformation_constraint *constraint)
 {
     struct deformation_cell cell;
-    if (w->row_count == w->row_most || !deformation_grid_cell(&w->grid, k->bind_point, &cell))
+    if (deformation->row_count == deformation->row_max ||
+        !deformation_grid_cell(&deformation->grid, constraint->bind_point, &cell))
         return;
-    struct deformation_row *r = &w->rows[w->row_count];
+    struct deformation_row *r = &deformation->rows[deformation->row_count];
     for (int c = 0; c < 8; c++) {
-        r->node[c] = w->node[cell.at[c]];
+        r->node[c] = deformation->node[cell.at[c]];
         r->share[c] = (float)cell.weight[c];
         if (r->node[c] < 0)
             return;
     }
-    r->n = (four){(float)k->normal.x, (float)k->normal.y, (float)k->normal.z, 0};
-    r->value = (float)(v3_dot(k->normal, deformation_current_shift(w, k->bind_point)) + k->gap);
-    r->weight = (float)k->weight;
-    w->row_count++;
+    r->n = (four){(float)constraint->normal.x, (float)constraint->normal.y, (float)constraint->normal.z, 0};
+    r->value = (float)(v3_dot(constraint->normal, deformation_current_shift(deformation, constraint->bind_point)) +
+                       constraint->gap);
+    r->weight = (float)constraint->weight;
+    deformation->row_count++;
 }
 
 // out = A x; A: the normal equations of the rows, of the smoothness between neighbours and of the shifts' prior.
-static void multiply(const struct deformation *w, const four *x, four *out)
+static void multiply_normal_matrix(const struct deformation *deformation, const four *x, four *out)
 {
     const float shift_weight = 1 / (SHIFT_PRIOR_M * SHIFT_PRIOR_M), bend = 1 / (SMOOTHNESS_M * SMOOTHNESS_M);
-    for (int i = 0; i < w->node_count; i++)
+    for (int i = 0; i < deformation->node_count; i++)
         out[i] = shift_weight * x[i];
-    for (int i = 0; i < w->node_count; i++)
+    for (int i = 0; i < deformation->node_count; i++)
         for (int k = 0; k < 3; k++) {
-            int j = w->neighbor[i][k];
+            int j = deformation->neighbor[i][k];
             if (j < 0)
                 continue;
             four apart = bend * (x[i] - x[j]);
             out[i] += apart;
             out[j] -= apart;
         }
-    for (int r = 0; r < w->row_count; r++) {
-        const struct deformation_row *row = &w->rows[r];
+    for (int r = 0; r < deformation->row_count; r++) {
+        const struct deformation_row *row = &deformation->rows[r];
         four shift = {0};
         for (int c = 0; c < 8; c++)
             shift += row->share[c] * x[row->node[c]];
@@ -212,51 +218,52 @@ static void multiply(const struct deformation *w, const four *x, four *out)
 }
 
 // The right-hand side, and the diagonal of A as preconditioner (6: of a node with all neighbours).
-static void prepare(struct deformation *w)
+static void prepare_system(struct deformation *deformation)
 {
     const float shift_weight = 1 / (SHIFT_PRIOR_M * SHIFT_PRIOR_M), bend = 1 / (SMOOTHNESS_M * SMOOTHNESS_M);
-    memset(w->rhs, 0, sizeof *w->rhs * (size_t)w->node_count);
-    for (int i = 0; i < w->node_count; i++)
-        w->diagonal[i] = (four){0} + (shift_weight + 6 * bend);
-    for (int r = 0; r < w->row_count; r++) {
-        const struct deformation_row *row = &w->rows[r];
+    memset(deformation->rhs, 0, sizeof *deformation->rhs * (size_t)deformation->node_count);
+    for (int i = 0; i < deformation->node_count; i++)
+        deformation->diagonal[i] = (four){0} + (shift_weight + 6 * bend);
+    for (int r = 0; r < deformation->row_count; r++) {
+        const struct deformation_row *row = &deformation->rows[r];
         for (int c = 0; c < 8; c++) {
             four j = row->share[c] * row->n;
-            w->rhs[row->node[c]] += row->weight * row->value * j;
-            w->diagonal[row->node[c]] += row->weight * j * j;
+            deformation->rhs[row->node[c]] += row->weight * row->value * j;
+            deformation->diagonal[row->node[c]] += row->weight * j * j;
         }
     }
 }
 
-static double total(const four_doubles *s) { return (*s)[0] + (*s)[1] + (*s)[2] + (*s)[3]; }
+static double sum_lanes(const four_doubles *s) { return (*s)[0] + (*s)[1] + (*s)[2] + (*s)[3]; }
 
 // Conjugate gradients with the diagonal as preconditioner. Dot products are summed in double, in a fixed order.
 // Solves the rows for the shifts, starting from the current ones.
-static void deformation_solve(struct deformation *w)
+static void deformation_solve(struct deformation *deformation)
 {
-    const int count = w->node_count;
-    four *x = w->shift, *r = w->residual, *d = w->direction, *q = w->product, *scale = w->diagonal;
-    prepare(w);
-    multiply(w, x, q);
+    const int count = deformation->node_count;
+    four *x = deformation->shift, *r = deformation->residual, *d = deformation->direction, *q = deformation->product,
+         *scale = deformation->diagonal;
+    prepare_system(deformation);
+    multiply_normal_matrix(deformation, x, q);
     four_doubles sizes = {0};
     for (int i = 0; i < count; i++) {
-        r[i] = w->rhs[i] - q[i];
+        r[i] = deformation->rhs[i] - q[i];
         d[i] = r[i] / scale[i];
         sizes += __builtin_convertvector(r[i] * d[i], four_doubles);
     }
-    double size = total(&sizes);
+    double size = sum_lanes(&sizes);
     for (int step = 0; step < STEPS && size > 0; step++) {
-        multiply(w, d, q);
+        multiply_normal_matrix(deformation, d, q);
         four_doubles curves = {0}, nexts = {0};
         for (int i = 0; i < count; i++)
             curves += __builtin_convertvector(d[i] * q[i], four_doubles);
-        float go = (float)(size / total(&curves));
+        float go = (float)(size / sum_lanes(&curves));
         for (int i = 0; i < count; i++) {
             x[i] += go * d[i];
             r[i] -= go * q[i];
             nexts += __builtin_convertvector(r[i] * r[i] / scale[i], four_doubles);
         }
-        double next = total(&nexts);
+        double next = sum_lanes(&nexts);
         float back = (float)(next / size);
         for (int i = 0; i < count; i++)
             d[i] = r[i] / scale[i] + back * d[i];
@@ -268,14 +275,13 @@ static void deformation_solve(struct deformation *w)
 
 // The photometric term of the deformation: image gradients at the surface's points, as in direct image alignment.
 
-enum { KERNEL_RADIUS_MOST = 8, EDGE_MARGIN_PX = 2 };
+enum { KERNEL_RADIUS_MAX = 8, EDGE_MARGIN_PX = 2 };
 
 // Colours are gamma-encoded, 0 to 1. Tuned by hand on the takes of docs/results.md.
-static const double COLOR_SIGMA = 0.08;  // standard deviation of a channel between frame and avatar
-static const double COLOR_OUTLIER = 0.1; // at this difference a channel's weight is a quarter
-static const double LEAST_COLOR_FACING =
-    0.35;                               // cosine: where the surface is more oblique, a pixel covers too much of it
-static const double GRADIENT_LEAST = 3; // per metre: a weaker gradient does not locate the point
+static const double COLOR_SIGMA = 0.08;      // standard deviation of a channel between frame and avatar
+static const double COLOR_OUTLIER = 0.1;     // at this difference a channel's weight is a quarter
+static const double MIN_COLOR_FACING = 0.35; // cosine: where the surface is more oblique, a pixel covers too much of it
+static const double GRADIENT_MIN = 3;        // per metre: a weaker gradient does not locate the point
 
 // ---------------------------------------------------------------- image samples
 
@@ -283,14 +289,14 @@ static const double GRADIENT_LEAST = 3; // per metre: a weaker gradient does not
 // pixel.
 struct gaussian_kernel {
     int first, count;
-    float weight[2 * KERNEL_RADIUS_MOST + 1], change[2 * KERNEL_RADIUS_MOST + 1], sum, change_sum;
+    float weight[2 * KERNEL_RADIUS_MAX + 1], change[2 * KERNEL_RADIUS_MAX + 1], sum, change_sum;
 };
 
 static struct gaussian_kernel gaussian_at(double center, double sigma)
 {
     const int reach = (int)ceil(2 * sigma);
     struct gaussian_kernel b = {.first = (int)floor(center + 0.5) - reach, .count = 2 * reach + 1};
-    assert(reach <= KERNEL_RADIUS_MOST);
+    assert(reach <= KERNEL_RADIUS_MAX);
     for (int i = 0; i < b.count; i++) {
         const double off = (b.first + i - center) / sigma;
         b.weight[i] = (float)portable_exp(-0.5 * off * off);
@@ -344,49 +350,51 @@ struct photometric {
 };
 
 // False: the frame does not show the point, or only obliquely, or too near the image's edge.
-static bool make_color_point(const struct photometric *a, int point, struct color_point *out)
+static bool make_color_point(const struct photometric *photometric, int point, struct color_point *out)
 {
-    const struct deformation *w = a->w;
-    const struct deformation_colors *k = a->colors;
-    const struct surface_mesh *surface = a->model->surface;
-    const struct skin_weights *skin = &a->model->skins[point];
+    const struct deformation *deformation = photometric->w;
+    const struct deformation_colors *colors = photometric->colors;
+    const struct surface_mesh *surface = photometric->model->surface;
+    const struct skin_weights *skin = &photometric->model->skins[point];
     struct vec3 n;
     out->bind_point = surface->points[point];
     out->bone = skin->bone[0];
-    linear_blend_skin(skin, a->transforms, v3_add(out->bind_point, deformation_current_shift(w, out->bind_point)),
+    linear_blend_skin(skin, photometric->transforms,
+                      v3_add(out->bind_point, deformation_current_shift(deformation, out->bind_point)),
                       surface->normals[point], &out->at, &n);
-    if (!(out->at.z > 0.05) || -v3_dot(n, v3_unit(out->at)) < LEAST_COLOR_FACING ||
-        !depth_agrees_with_bone(a->depth_frame, &w->depth_lens, pose_apply(w->depth_from_color, out->at), out->bone,
-                                EDGE_MARGIN_PX))
+    if (!(out->at.z > 0.05) || -v3_dot(n, v3_unit(out->at)) < MIN_COLOR_FACING ||
+        !depth_agrees_with_bone(photometric->depth_frame, &deformation->depth_lens,
+                                pose_apply(deformation->depth_from_color, out->at), out->bone, EDGE_MARGIN_PX))
         return false;
-    const struct lens *lens = &k->calibration->color;
-    const struct vec3 world = quat_rotate(k->world_from_color, n);
+    const struct lens *lens = &colors->calibration->color;
+    const struct vec3 world = quat_rotate(colors->world_from_color, n);
     const float irradiance =
-        sh_irradiance_at(k->irradiance, (const float[3]){(float)world.x, (float)world.y, (float)world.z});
+        sh_irradiance_at(colors->irradiance, (const float[3]){(float)world.x, (float)world.y, (float)world.z});
     for (int c = 0; c < 3; c++)
-        out->known[c] = sqrtf(k->albedo[point][c] * irradiance);
-    return sample_image(lens, k->rgb, lens_project(lens, out->at), a->sigma_px, out);
+        out->known[c] = sqrtf(colors->albedo[point][c] * irradiance);
+    return sample_image(lens, colors->rgb, lens_project(lens, out->at), photometric->sigma_px, out);
 }
 
-static void find_color_points(const struct photometric *a)
+static void find_color_points(const struct photometric *photometric)
 {
-    struct deformation *w = a->w;
-    const int points = a->model->surface->point_count, every = points / DEFORMATION_COLOR_POINTS + 1;
-    w->color_point_count = 0;
+    struct deformation *deformation = photometric->w;
+    const int points = photometric->model->surface->point_count, every = points / DEFORMATION_COLOR_POINTS + 1;
+    deformation->color_point_count = 0;
     for (int i = 0; i < points; i += every)
-        if (!a->colors->filled[i] && make_color_point(a, i, &w->color_points[w->color_point_count]))
-            w->color_point_count++;
+        if (!photometric->colors->filled[i] &&
+            make_color_point(photometric, i, &deformation->color_points[deformation->color_point_count]))
+            deformation->color_point_count++;
 }
 
 // ---------------------------------------------------------------- rows
 
 // The frame's brightness against the avatar's, least squares: exposure changes.
-static float exposure_gain(const struct deformation *w)
+static float exposure_gain(const struct deformation *deformation)
 {
     float both = 0, own = 0;
-    for (int i = 0; i < w->color_point_count; i++)
+    for (int i = 0; i < deformation->color_point_count; i++)
         for (int c = 0; c < 3; c++) {
-            const struct color_point *p = &w->color_points[i];
+            const struct color_point *p = &deformation->color_points[i];
             both += p->seen[c] * p->known[c];
             own += p->known[c] * p->known[c];
         }
@@ -394,33 +402,36 @@ static float exposure_gain(const struct deformation *w)
 }
 
 // A row along the image gradient of channel c: how far the point should move for the image to show its known colour.
-static void add_channel(const struct photometric *a, const struct color_point *p, int c, float gain)
+static void add_channel(const struct photometric *photometric, const struct color_point *point, int c, float gain)
 {
-    const struct lens *lens = &a->colors->calibration->color;
-    const double x = (double)p->across[c] * lens->fx / p->at.z, y = (double)p->down[c] * lens->fy / p->at.z;
-    const struct vec3 change = {x, y, -(x * p->at.x + y * p->at.y) / p->at.z}; // per metre, since px = f p / z
-    const double size = v3_length(change), off = (double)(gain * p->known[c] - p->seen[c]);
-    if (!(size > GRADIENT_LEAST))
+    const struct lens *lens = &photometric->colors->calibration->color;
+    const double x = (double)point->across[c] * lens->fx / point->at.z,
+                 y = (double)point->down[c] * lens->fy / point->at.z;
+    const struct vec3 change = {x, y,
+                                -(x * point->at.x + y * point->at.y) / point->at.z}; // per metre, since px = f p / z
+    const double size = v3_length(change), off = (double)(gain * point->known[c] - point->seen[c]);
+    if (!(size > GRADIENT_MIN))
         return;
-    const struct quat bind_from_color = quat_conjugate(a->transforms->bone[p->bone].rotation);
+    const struct quat bind_from_color = quat_conjugate(photometric->transforms->bone[point->bone].rotation);
     const double robust = COLOR_OUTLIER * COLOR_OUTLIER / (COLOR_OUTLIER * COLOR_OUTLIER + off * off),
                  each = robust * size / COLOR_SIGMA;
     const struct vec3 normal = quat_rotate(bind_from_color, v3_scale(change, 1 / size));
-    deformation_add_row(a->w, &(struct deformation_constraint){p->bind_point, normal, off / size, each * each});
+    deformation_add_row(photometric->w,
+                        &(struct deformation_constraint){point->bind_point, normal, off / size, each * each});
 }
 
 // Adds a row for each point and channel where the image, smoothed by sigma_px, has a gradient: move the surface so that
 // the image shows the avatar's colours where they are.
-static void deformation_add_colors(struct deformation *w, const struct deformation_model *model,
+static void deformation_add_colors(struct deformation *deformation, const struct deformation_model *model,
                                    const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                                    const struct deformation_colors *colors, double sigma_px)
 {
-    const struct photometric a = {w, model, depth_frame, transforms, colors, sigma_px};
+    const struct photometric a = {deformation, model, depth_frame, transforms, colors, sigma_px};
     find_color_points(&a);
-    const float gain = exposure_gain(w);
-    for (int i = 0; i < w->color_point_count; i++)
+    const float gain = exposure_gain(deformation);
+    for (int i = 0; i < deformation->color_point_count; i++)
         for (int c = 0; c < 3; c++)
-            add_channel(&a, &w->color_points[i], c, gain);
+            add_channel(&a, &deformation->color_points[i], c, gain);
 }
 
 // ---------------------------------------------------------------- deformation
@@ -434,36 +445,37 @@ static const double OUTLIER_M[ITERATIONS] = {0.04, 0.03, 0.025}; // scale of the
 static const double COLOR_SIGMA_PX[ITERATIONS] = {0, 2, 1.2}; // 0: no colours; first the shape has to be roughly right
 static const double SEARCH_PX = 12;                           // how far from a silhouette point a candidate may project
 static const double CERTAIN_FRAMES = 1; // a surface seen in as many frames has half of its full weight
-static const double LEAST_FACING = 0.1; // cosine: surfaces that a depth sample can show face the camera
+static const double MIN_FACING = 0.1;   // cosine: surfaces that a depth sample can show face the camera
 static const double GRAZING = 0.3;      // cosine: surfaces at most this frontal may be at the silhouette
 
 // ---------------------------------------------------------------- nodes
 
 // Nodes are the corners of the cells that the surface passes through, and all grid points inside the body.
-static void find_nodes(struct deformation *w, const struct surface_mesh *surface)
+static void find_nodes(struct deformation *deformation, const struct surface_mesh *surface)
 {
-    const struct deformation_grid *g = &w->grid;
+    const struct deformation_grid *g = &deformation->grid;
     const int count = deformation_grid_count(g);
     struct deformation_cell cell;
-    memset(w->node, -1, sizeof *w->node * (size_t)count);
+    memset(deformation->node, -1, sizeof *deformation->node * (size_t)count);
     for (int i = 0; i < surface->point_count; i++)
         if (deformation_grid_cell(g, surface->points[i], &cell))
             for (int c = 0; c < 8; c++)
-                w->node[cell.at[c]] = 0;
-    w->node_count = 0;
+                deformation->node[cell.at[c]] = 0;
+    deformation->node_count = 0;
     for (int i = 0; i < count; i++)
-        if (w->node[i] == 0 || bind_pose_distance(&w->bind_pose, deformation_grid_point(g, i)) < 0)
-            w->node[i] = w->node_count++;
+        if (deformation->node[i] == 0 || bind_pose_distance(&deformation->bind_pose, deformation_grid_point(g, i)) < 0)
+            deformation->node[i] = deformation->node_count++;
 }
 
-static void connect_nodes(struct deformation *w)
+static void connect_nodes(struct deformation *deformation)
 {
-    const struct deformation_grid *g = &w->grid;
+    const struct deformation_grid *g = &deformation->grid;
     const int step[3] = {1, g->size[0], g->size[0] * g->size[1]};
     for (int i = 0; i < deformation_grid_count(g); i++) {
         const int at[3] = {i % g->size[0], i / g->size[0] % g->size[1], i / g->size[0] / g->size[1]};
-        for (int a = 0; a < 3 && w->node[i] >= 0; a++)
-            w->neighbor[w->node[i]][a] = at[a] + 1 < g->size[a] ? w->node[i + step[a]] : -1;
+        for (int a = 0; a < 3 && deformation->node[i] >= 0; a++)
+            deformation->neighbor[deformation->node[i]][a] =
+                at[a] + 1 < g->size[a] ? deformation->node[i + step[a]] : -1;
     }
 }
 
@@ -490,8 +502,8 @@ enum status deformation_open(struct deformation **out, const struct bind_pose *b
     w->direction = malloc(sizeof *w->direction * nodes);
     w->product = malloc(sizeof *w->product * nodes);
     w->diagonal = malloc(sizeof *w->diagonal * nodes);
-    w->row_most = 3 * POINTS + 3 * DEFORMATION_COLOR_POINTS; // depth samples (2) and silhouette (1); colour channels
-    w->rows = malloc(sizeof *w->rows * (size_t)w->row_most);
+    w->row_max = 3 * POINTS + 3 * DEFORMATION_COLOR_POINTS; // depth samples (2) and silhouette (1); colour channels
+    w->rows = malloc(sizeof *w->rows * (size_t)w->row_max);
     w->depth_samples = malloc(sizeof *w->depth_samples * 2 * POINTS);
     w->contour = malloc(sizeof *w->contour * POINTS);
     w->candidates = malloc(sizeof *w->candidates * (size_t)surface->point_count);
@@ -512,117 +524,121 @@ enum status deformation_open(struct deformation **out, const struct bind_pose *b
 
 void deformation_close(struct deformation **out)
 {
-    struct deformation *w = *out;
-    if (!w)
+    struct deformation *deformation = *out;
+    if (!deformation)
         return;
-    void *const all[] = {w->node,      w->neighbor,   w->shift,        w->rhs,  w->residual,
-                         w->direction, w->product,    w->diagonal,     w->rows, w->depth_samples,
-                         w->contour,   w->candidates, w->color_points, w->tile, w->quantized};
+    void *const all[] = {deformation->node,          deformation->neighbor, deformation->shift,
+                         deformation->rhs,           deformation->residual, deformation->direction,
+                         deformation->product,       deformation->diagonal, deformation->rows,
+                         deformation->depth_samples, deformation->contour,  deformation->candidates,
+                         deformation->color_points,  deformation->tile,     deformation->quantized};
     for (size_t i = 0; i < COUNT_OF(all); i++)
         free(all[i]);
-    free(w);
+    free(deformation);
     *out = NULL;
 }
 
-struct vec3 deformation_at(const struct deformation *w, struct vec3 bind_point)
+struct vec3 deformation_at(const struct deformation *deformation, struct vec3 bind_point)
 {
     struct vec3 sum = v3(0, 0, 0);
     struct deformation_cell cell;
-    if (!deformation_grid_cell(&w->grid, bind_point, &cell))
+    if (!deformation_grid_cell(&deformation->grid, bind_point, &cell))
         return sum;
     for (int c = 0; c < 8; c++) {
-        const uint8_t *t = w->quantized + 4 * cell.at[c];
+        const uint8_t *t = deformation->quantized + 4 * cell.at[c];
         sum = v3_add(sum, v3_scale(v3(t[0] - 128, t[1] - 128, t[2] - 128), cell.weight[c]));
     }
-    return v3_scale(sum, DEFORMATION_SHIFT_MOST_M / 127);
+    return v3_scale(sum, DEFORMATION_SHIFT_MAX_M / 127);
 }
 
-// For deformation_at: a component of DEFORMATION_SHIFT_MOST_M * t becomes 127 * t + 128, which is finer than shifts are
+// For deformation_at: a component of DEFORMATION_SHIFT_MAX_M * t becomes 127 * t + 128, which is finer than shifts are
 // known.
-static void write_quantized(struct deformation *w)
+static void write_quantized(struct deformation *deformation)
 {
-    for (int i = 0; i < deformation_grid_count(&w->grid); i++) {
-        uint8_t *t = w->quantized + 4 * i;
+    for (int i = 0; i < deformation_grid_count(&deformation->grid); i++) {
+        uint8_t *t = deformation->quantized + 4 * i;
         memset(t, 128, 4);
-        for (int a = 0; a < 3 && w->node[i] >= 0; a++) {
-            double part = (double)w->shift[w->node[i]][a] / DEFORMATION_SHIFT_MOST_M;
+        for (int a = 0; a < 3 && deformation->node[i] >= 0; a++) {
+            double part = (double)deformation->shift[deformation->node[i]][a] / DEFORMATION_SHIFT_MAX_M;
             t[a] = (uint8_t)(128.5 + 127 * fmin(fmax(part, -1), 1));
         }
     }
 }
 
-void deformation_clear(struct deformation *w)
+void deformation_clear(struct deformation *deformation)
 {
-    memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
-    write_quantized(w);
+    memset(deformation->shift, 0, sizeof *deformation->shift * (size_t)deformation->node_count);
+    write_quantized(deformation);
 }
 
 // ---------------------------------------------------------------- depth samples
 
 // Maps a point of the colour camera's axes, seen on a part, into the bind pose, by blending the bones' inverse
 // maps: near the inverse of the blended map where these are similar. *ray: its viewing direction there, unit.
-static struct vec3 to_bind_pose(const struct deformation *w, const struct pose bind_from_color[BONE_COUNT], int part,
-                                struct vec3 at, struct vec3 *ray)
+static struct vec3 to_bind_pose(const struct deformation *deformation, const struct pose bind_from_color[BONE_COUNT],
+                                int part, struct vec3 at, struct vec3 *ray)
 {
-    struct vec3 bind_point =
-        pose_apply(bind_from_color[bind_pose_bone_at(&w->bind_pose, (enum part)part, at, bind_from_color)], at);
-    struct skin_weights skin = bind_pose_skin_weights(&w->bind_pose, bind_point);
-    struct vec3 mixed = v3(0, 0, 0), rotated = v3(0, 0, 0);
+    struct vec3 bind_point = pose_apply(
+        bind_from_color[bind_pose_bone_at(&deformation->bind_pose, (enum part)part, at, bind_from_color)], at);
+    struct skin_weights skin = bind_pose_skin_weights(&deformation->bind_pose, bind_point);
+    struct vec3 mixed = v3(0, 0, 0), rotate_vector = v3(0, 0, 0);
     for (int i = 0; i < SKIN_BONES; i++) {
         mixed = v3_add(mixed, v3_scale(pose_apply(bind_from_color[skin.bone[i]], at), (double)skin.weight[i]));
-        rotated =
-            v3_add(rotated, v3_scale(quat_rotate(bind_from_color[skin.bone[i]].rotation, at), (double)skin.weight[i]));
+        rotate_vector = v3_add(
+            rotate_vector, v3_scale(quat_rotate(bind_from_color[skin.bone[i]].rotation, at), (double)skin.weight[i]));
     }
-    *ray = v3_unit(rotated);
+    *ray = v3_unit(rotate_vector);
     return mixed;
 }
 
 // The stride at which at most POINTS of the actor's pixels are used.
-static int stride_px(const struct depth_frame *s)
+static int stride_px(const struct depth_frame *frame)
 {
     long pixels = 0;
-    for (int y = s->top; y <= s->bottom; y++)
-        for (int x = s->left; x <= s->right; x++)
-            pixels += s->part[y * s->width + x] < PART_COUNT;
+    for (int y = frame->top; y <= frame->bottom; y++)
+        for (int x = frame->left; x <= frame->right; x++)
+            pixels += frame->part[y * frame->width + x] < PART_COUNT;
     int every = 1;
     while (pixels / every / every > POINTS)
         every++;
     return every;
 }
 
-static void find_depth_samples(struct deformation *w, const struct depth_frame *s,
+static void find_depth_samples(struct deformation *deformation, const struct depth_frame *frame,
                                const struct bone_transforms *transforms)
 {
     struct pose bind_from_color[BONE_COUNT];
     for (int p = 0; p < BONE_COUNT; p++)
         bind_from_color[p] = pose_inverse(transforms->bone[p]);
-    int every = stride_px(s);
-    w->sample_count = 0;
-    for (int y = s->top; y <= s->bottom; y += every)
-        for (int x = s->left; x <= s->right; x += every) {
-            int i = y * s->width + x, part = s->part[i];
-            if (part >= PART_COUNT || !w->bind_pose.known[part] || w->sample_count == 2 * POINTS)
+    int every = stride_px(frame);
+    deformation->sample_count = 0;
+    for (int y = frame->top; y <= frame->bottom; y += every)
+        for (int x = frame->left; x <= frame->right; x += every) {
+            int i = y * frame->width + x, part = frame->part[i];
+            if (part >= PART_COUNT || !deformation->bind_pose.known[part] || deformation->sample_count == 2 * POINTS)
                 continue;
-            struct deformation_sample *r = &w->depth_samples[w->sample_count++];
-            r->bind_point = to_bind_pose(w, bind_from_color, part, source_rays_point(s->rays, i, s->depth[i]), &r->ray);
+            struct deformation_sample *sample = &deformation->depth_samples[deformation->sample_count++];
+            sample->bind_point = to_bind_pose(deformation, bind_from_color, part,
+                                              source_rays_point(frame->rays, i, frame->depth[i]), &sample->ray);
         }
 }
 
-static void add_depth_samples(struct deformation *w, const struct tsdf *tsdf, double outlier)
+static void add_depth_samples(struct deformation *deformation, const struct tsdf *tsdf, double outlier)
 {
-    for (int i = 0; i < w->sample_count; i++) {
-        const struct deformation_sample *r = &w->depth_samples[i];
-        struct vec3 gradient, bind_point = v3_sub(r->bind_point, deformation_current_shift(w, r->bind_point));
+    for (int i = 0; i < deformation->sample_count; i++) {
+        const struct deformation_sample *sample = &deformation->depth_samples[i];
+        struct vec3 gradient,
+            bind_point = v3_sub(sample->bind_point, deformation_current_shift(deformation, sample->bind_point));
         double distance, seen;
         if (!tsdf_sample(tsdf, bind_point, &distance, &gradient, &seen) || v3_length(gradient) < 0.3)
             continue;
         struct vec3 n = v3_unit(gradient);
-        if (-v3_dot(n, r->ray) < LEAST_FACING)
+        if (-v3_dot(n, sample->ray) < MIN_FACING)
             continue;
         double robust = outlier * outlier / (outlier * outlier + distance * distance);
         const double weight =
             robust * robust * seen / (seen + CERTAIN_FRAMES) / (double)(DEPTH_SIGMA_M * DEPTH_SIGMA_M);
-        deformation_add_row(w, &(struct deformation_constraint){bind_point, n, distance, weight});
+        deformation_add_row(deformation, &(struct deformation_constraint){bind_point, n, distance, weight});
     }
 }
 
@@ -634,17 +650,17 @@ struct bone_matrix {
     struct vec3 at;
 };
 
-static void compose_matrices(const struct deformation *w, const struct bone_transforms *transforms,
+static void compose_matrices(const struct deformation *deformation, const struct bone_transforms *transforms,
                              struct bone_matrix out[BONE_COUNT])
 {
     for (int p = 0; p < BONE_COUNT; p++) {
-        struct pose pose = pose_multiply(w->depth_from_color, transforms->bone[p]);
+        struct pose pose = pose_multiply(deformation->depth_from_color, transforms->bone[p]);
         quat_to_matrix(pose.rotation, out[p].rotation);
         out[p].at = pose.translation;
     }
 }
 
-static struct vec3 rotated(const struct bone_matrix *by, struct vec3 v)
+static struct vec3 rotate_vector(const struct bone_matrix *by, struct vec3 v)
 {
     const double(*m)[3] = by->rotation;
     return v3(m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
@@ -652,150 +668,160 @@ static struct vec3 rotated(const struct bone_matrix *by, struct vec3 v)
 }
 
 // Projects a point of the surface; false: it cannot be at the silhouette, or is outside the image.
-static bool project_candidate(const struct deformation *w, const struct deformation_model *m,
+static bool project_candidate(const struct deformation *deformation, const struct deformation_model *model,
                               const struct bone_matrix matrices[BONE_COUNT], int point,
                               struct silhouette_candidate *out)
 {
-    const struct skin_weights *skin = &m->skins[point];
-    struct vec3 p = v3(0, 0, 0), n = p, bind_point = m->surface->points[point];
-    bind_point = v3_add(bind_point, deformation_current_shift(w, bind_point));
+    const struct skin_weights *skin = &model->skins[point];
+    struct vec3 p = v3(0, 0, 0), n = p, bind_point = model->surface->points[point];
+    bind_point = v3_add(bind_point, deformation_current_shift(deformation, bind_point));
     for (int i = 0; i < SKIN_BONES; i++) {
         const struct bone_matrix *by = &matrices[skin->bone[i]];
         const double weight = (double)skin->weight[i];
         if (!(weight > 0))
             continue;
-        p = v3_add(p, v3_scale(v3_add(rotated(by, bind_point), by->at), weight));
-        n = v3_add(n, v3_scale(rotated(by, m->surface->normals[point]), weight));
+        p = v3_add(p, v3_scale(v3_add(rotate_vector(by, bind_point), by->at), weight));
+        n = v3_add(n, v3_scale(rotate_vector(by, model->surface->normals[point]), weight));
     }
     const double along = v3_dot(n, p), n2 = v3_dot(n, n), flat = sqrt(n.x * n.x + n.y * n.y);
     if (!(p.z > 0.05) || along * along > GRAZING * GRAZING * n2 * v3_dot(p, p) || !(flat > 0.1 * sqrt(n2)))
         return false;
-    *out = (struct silhouette_candidate){lens_project(&w->depth_lens, p), n.x / flat, n.y / flat, p.z, point, -1};
-    return out->px.x >= 0 && out->px.y >= 0 && out->px.x < w->depth_lens.width && out->px.y < w->depth_lens.height;
+    *out = (struct silhouette_candidate){
+        lens_project(&deformation->depth_lens, p), n.x / flat, n.y / flat, p.z, point, -1};
+    return out->px.x >= 0 && out->px.y >= 0 && out->px.x < deformation->depth_lens.width &&
+           out->px.y < deformation->depth_lens.height;
 }
 
 // Sorts the points that may be at the silhouette into tiles of the image. Points that are none in the first iteration
 // are not tried again: shifts do not rotate normals.
-static void find_candidates(struct deformation *w, const struct deformation_model *m,
+static void find_candidates(struct deformation *deformation, const struct deformation_model *model,
                             const struct bone_transforms *transforms, bool first_iteration)
 {
-    const int tried = first_iteration ? m->surface->point_count : w->candidate_count;
+    const int tried = first_iteration ? model->surface->point_count : deformation->candidate_count;
     struct bone_matrix matrices[BONE_COUNT];
-    compose_matrices(w, transforms, matrices);
-    memset(w->tile, -1, sizeof *w->tile * (size_t)w->across * (size_t)w->down);
-    w->candidate_count = 0;
+    compose_matrices(deformation, transforms, matrices);
+    memset(deformation->tile, -1, sizeof *deformation->tile * (size_t)deformation->across * (size_t)deformation->down);
+    deformation->candidate_count = 0;
     for (int i = 0; i < tried; i++) {
         struct silhouette_candidate b;
-        if (!project_candidate(w, m, matrices, first_iteration ? i : w->candidates[i].point, &b))
+        if (!project_candidate(deformation, model, matrices, first_iteration ? i : deformation->candidates[i].point,
+                               &b))
             continue;
-        int32_t *tile = &w->tile[(int)b.px.y / TILE_PX * w->across + (int)b.px.x / TILE_PX];
+        int32_t *tile = &deformation->tile[(int)b.px.y / TILE_PX * deformation->across + (int)b.px.x / TILE_PX];
         b.next = *tile;
-        *tile = w->candidate_count;
-        w->candidates[w->candidate_count++] = b;
+        *tile = deformation->candidate_count;
+        deformation->candidates[deformation->candidate_count++] = b;
     }
 }
 
 // The candidate nearest to a silhouette point that faces the same way within 45 degrees and is of the same part or an
 // adjacent one; NULL: none.
-static const struct silhouette_candidate *
-nearest_candidate(const struct deformation *w, const struct deformation_model *m, const struct contour_point *e)
+static const struct silhouette_candidate *nearest_candidate(const struct deformation *deformation,
+                                                            const struct deformation_model *model,
+                                                            const struct contour_point *point)
 {
-    const struct pixel px = e->px;
+    const struct pixel px = point->px;
     const struct silhouette_candidate *best = NULL;
-    double least = SEARCH_PX * SEARCH_PX;
+    double min = SEARCH_PX * SEARCH_PX;
     const int left = (int)fmax(px.x - SEARCH_PX, 0) / TILE_PX, right = (int)(px.x + SEARCH_PX) / TILE_PX;
     const int top = (int)fmax(px.y - SEARCH_PX, 0) / TILE_PX, bottom = (int)(px.y + SEARCH_PX) / TILE_PX;
-    for (int y = top; y <= bottom && y < w->down; y++)
-        for (int x = left; x <= right && x < w->across; x++)
-            for (int b = w->tile[y * w->across + x]; b >= 0; b = w->candidates[b].next) {
-                const struct silhouette_candidate *k = &w->candidates[b];
-                double dx = k->px.x - px.x, dy = k->px.y - px.y, far = dx * dx + dy * dy;
-                if (far >= least || k->nx * e->nx + k->ny * e->ny < 0.7 ||
-                    !bones_adjacent((int)bone_part(m->skins[k->point].bone[0]), e->part))
+    for (int y = top; y <= bottom && y < deformation->down; y++)
+        for (int x = left; x <= right && x < deformation->across; x++)
+            for (int b = deformation->tile[y * deformation->across + x]; b >= 0; b = deformation->candidates[b].next) {
+                const struct silhouette_candidate *candidate = &deformation->candidates[b];
+                double dx = candidate->px.x - px.x, dy = candidate->px.y - px.y, far = dx * dx + dy * dy;
+                if (far >= min || candidate->nx * point->nx + candidate->ny * point->ny < 0.7 ||
+                    !bones_adjacent((int)bone_part(model->skins[candidate->point].bone[0]), point->part))
                     continue;
-                least = far;
-                best = k;
+                min = far;
+                best = candidate;
             }
     return best;
 }
 
-static bool is_actor(const struct depth_frame *s, int i) { return s->part[i] != DEPTH_FRAME_BACKGROUND; }
+static bool is_actor(const struct depth_frame *frame, int i) { return frame->part[i] != DEPTH_FRAME_BACKGROUND; }
 
 // Whether the background pixel i is beside the actor's silhouette, and the silhouette's point and normal there.
-static bool find_contour_point(const struct depth_frame *s, int i, struct contour_point *out)
+static bool find_contour_point(const struct depth_frame *frame, int i, struct contour_point *out)
 {
     static const int steps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
-    if (!is_actor(s, i + 1) && !is_actor(s, i - 1) && !is_actor(s, i + s->width) && !is_actor(s, i - s->width))
+    if (!is_actor(frame, i + 1) && !is_actor(frame, i - 1) && !is_actor(frame, i + frame->width) &&
+        !is_actor(frame, i - frame->width))
         return false;
     double nx = 0, ny = 0; // outwards: where fewer of the pixels around are the actor's
     for (int v = -2; v <= 2; v++)
         for (int u = -2; u <= 2; u++)
-            if (is_actor(s, i + v * s->width + u))
+            if (is_actor(frame, i + v * frame->width + u))
                 nx -= u, ny -= v;
     double length = portable_hypot(nx, ny);
     if (!(length > 4))
         return false;
     nx /= length, ny /= length;
     for (int k = 0; k < 4; k++) {
-        const int inside = depth_frame_step_inside(s, i, steps[k][1] * s->width + steps[k][0]);
+        const int inside = depth_frame_step_inside(frame, i, steps[k][1] * frame->width + steps[k][0]);
         if (inside < 0 || -(steps[k][0] * nx + steps[k][1] * ny) < 0.7)
             continue;
         double in = 0.5 - DEPTH_FRAME_RIM_PX; // from the background pixel inwards
-        struct pixel px = {i % s->width + in * steps[k][0], i / s->width + in * steps[k][1]};
-        *out = (struct contour_point){px, nx, ny, s->part[inside]};
+        struct pixel px = {i % frame->width + in * steps[k][0], i / frame->width + in * steps[k][1]};
+        *out = (struct contour_point){px, nx, ny, frame->part[inside]};
         return true;
     }
     return false;
 }
 
 // The actor's silhouette in the image; the same in every iteration.
-static void find_contour(struct deformation *w, const struct depth_frame *s)
+static void find_contour(struct deformation *deformation, const struct depth_frame *frame)
 {
     enum { MARGIN = DEPTH_FRAME_INWARD_PX + 1 };
-    w->contour_count = 0;
-    int top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN, left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN;
-    for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)
-        for (int x = left + (y - top) % SILHOUETTE_STRIDE_PX; x <= s->right + 1 && x < s->width - MARGIN;
+    deformation->contour_count = 0;
+    int top = frame->top - 1 > MARGIN ? frame->top - 1 : MARGIN,
+        left = frame->left - 1 > MARGIN ? frame->left - 1 : MARGIN;
+    for (int y = top; y <= frame->bottom + 1 && y < frame->height - MARGIN; y++)
+        for (int x = left + (y - top) % SILHOUETTE_STRIDE_PX; x <= frame->right + 1 && x < frame->width - MARGIN;
              x += SILHOUETTE_STRIDE_PX) {
-            int i = y * s->width + x;
-            if (!is_actor(s, i) && w->contour_count < POINTS && find_contour_point(s, i, &w->contour[w->contour_count]))
-                w->contour_count++;
+            int i = y * frame->width + x;
+            if (!is_actor(frame, i) && deformation->contour_count < POINTS &&
+                find_contour_point(frame, i, &deformation->contour[deformation->contour_count]))
+                deformation->contour_count++;
         }
 }
 
-static void add_silhouette(struct deformation *w, const struct deformation_model *m)
+static void add_silhouette(struct deformation *deformation, const struct deformation_model *model)
 {
-    for (int i = 0; i < w->contour_count; i++) {
-        const struct contour_point *e = &w->contour[i];
-        const struct silhouette_candidate *b = nearest_candidate(w, m, e);
-        if (!b)
+    for (int i = 0; i < deformation->contour_count; i++) {
+        const struct contour_point *point = &deformation->contour[i];
+        const struct silhouette_candidate *candidate = nearest_candidate(deformation, model, point);
+        if (!candidate)
             continue;
-        double gap = ((e->px.x - b->px.x) * b->nx + (e->px.y - b->px.y) * b->ny) * b->z / w->depth_lens.fx;
-        double outlier = SEARCH_PX / 2 * b->z / w->depth_lens.fx;
+        double gap =
+            ((point->px.x - candidate->px.x) * candidate->nx + (point->px.y - candidate->px.y) * candidate->ny) *
+            candidate->z / deformation->depth_lens.fx;
+        double outlier = SEARCH_PX / 2 * candidate->z / deformation->depth_lens.fx;
         double robust = outlier * outlier / (outlier * outlier + gap * gap);
         const double weight = robust * robust / (double)(SILHOUETTE_SIGMA_M * SILHOUETTE_SIGMA_M);
-        deformation_add_row(w, &(struct deformation_constraint){m->surface->points[b->point],
-                                                                m->surface->normals[b->point], gap, weight});
+        deformation_add_row(deformation,
+                            &(struct deformation_constraint){model->surface->points[candidate->point],
+                                                             model->surface->normals[candidate->point], gap, weight});
     }
 }
 
 // ---------------------------------------------------------------- iterations
 
-void deformation_fit(struct deformation *w, const struct deformation_model *model,
+void deformation_fit(struct deformation *deformation, const struct deformation_model *model,
                      const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                      const struct deformation_colors *colors)
 {
-    memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
-    find_depth_samples(w, depth_frame, transforms);
-    find_contour(w, depth_frame);
+    memset(deformation->shift, 0, sizeof *deformation->shift * (size_t)deformation->node_count);
+    find_depth_samples(deformation, depth_frame, transforms);
+    find_contour(deformation, depth_frame);
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
-        w->row_count = 0;
-        add_depth_samples(w, model->tsdf, OUTLIER_M[iteration]);
-        find_candidates(w, model, transforms, iteration == 0);
-        add_silhouette(w, model);
+        deformation->row_count = 0;
+        add_depth_samples(deformation, model->tsdf, OUTLIER_M[iteration]);
+        find_candidates(deformation, model, transforms, iteration == 0);
+        add_silhouette(deformation, model);
         if (colors && COLOR_SIGMA_PX[iteration] > 0)
-            deformation_add_colors(w, model, depth_frame, transforms, colors, COLOR_SIGMA_PX[iteration]);
-        deformation_solve(w);
+            deformation_add_colors(deformation, model, depth_frame, transforms, colors, COLOR_SIGMA_PX[iteration]);
+        deformation_solve(deformation);
     }
-    write_quantized(w);
+    write_quantized(deformation);
 }

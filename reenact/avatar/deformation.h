@@ -17,7 +17,7 @@
 
 #define DEFORMATION_STEP_M 0.06 // between neighbouring points; chosen by hand
 
-enum { DEFORMATION_POINTS_MOST = 1 << 20 }; // 226 cubic metres; the models of three filmed people take 6900 to 10700
+enum { DEFORMATION_POINTS_MAX = 1 << 20 }; // 226 cubic metres; the models of three filmed people take 6900 to 10700
 
 // Point (x, y, z) lies at corner + (x, y, z) * DEFORMATION_STEP_M; its index is (z * size[1] + y) * size[0] + x.
 struct deformation_grid {
@@ -26,11 +26,11 @@ struct deformation_grid {
 };
 
 // The surface's bounding box with one step of margin on each side. The surface has at least one point, and its box at
-// most DEFORMATION_POINTS_MOST.
+// most DEFORMATION_POINTS_MAX.
 struct deformation_grid deformation_grid_about(const struct surface_mesh *surface);
 // Whether the box has at most that many points. Those of the surface lie within 1 km.
 bool deformation_grid_is_small(const struct surface_mesh *surface);
-int deformation_grid_count(const struct deformation_grid *g); // of its points
+int deformation_grid_count(const struct deformation_grid *grid); // of its points
 
 // The eight grid points about a point, with the trilinear weight of each.
 struct deformation_cell {
@@ -40,7 +40,7 @@ struct deformation_cell {
 
 // ---------------------------------------------------------------- deformation
 
-#define DEFORMATION_SHIFT_MOST_M 0.08 // of each component of a shift, which is clamped to it
+#define DEFORMATION_SHIFT_MAX_M 0.08 // of each component of a shift, which is clamped to it
 
 struct deformation;
 
@@ -69,10 +69,10 @@ struct deformation_colors {
 
 // Fits the model, which is in `transforms` (colour camera's axes), to one frame. colors: NULL: to depth and silhouette
 // only. Cannot fail; a frame without evidence gives zero shift.
-void deformation_fit(struct deformation *w, const struct deformation_model *model,
+void deformation_fit(struct deformation *deformation, const struct deformation_model *model,
                      const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                      const struct deformation_colors *colors);
-void deformation_clear(struct deformation *w); // back to zero shift
+void deformation_clear(struct deformation *deformation); // back to zero shift
 
-// The fitted shift of a point of the bind pose, quantised to DEFORMATION_SHIFT_MOST_M / 127; zero outside the grid.
-struct vec3 deformation_at(const struct deformation *w, struct vec3 bind_point);
+// The fitted shift of a point of the bind pose, quantised to DEFORMATION_SHIFT_MAX_M / 127; zero outside the grid.
+struct vec3 deformation_at(const struct deformation *deformation, struct vec3 bind_point);

@@ -13,11 +13,11 @@ struct silhouette_point {
     int32_t inside;    // index of the actor's pixel beside it
     int8_t in_x, in_y; // the step towards that
 };
-enum { SILHOUETTE_POINTS_MOST = 2000 };
+enum { SILHOUETTE_POINTS_MAX = 2000 };
 
-// Points evenly spread over the silhouette, fewer than SILHOUETTE_POINTS_MOST. Returns their number.
+// Points evenly spread over the silhouette, fewer than SILHOUETTE_POINTS_MAX. Returns their number.
 int silhouette_find_points(const struct depth_frame *depth_frame,
-                           struct silhouette_point points[SILHOUETTE_POINTS_MOST]);
+                           struct silhouette_point points[SILHOUETTE_POINTS_MAX]);
 
 // Which bone is seen beside a point. bind_from_color: of each bone.
 int silhouette_point_bone(const struct bind_pose *bind_pose, const struct depth_frame *depth_frame,
@@ -31,7 +31,7 @@ struct silhouette_contact {
     struct vec3 inward; // from the silhouette towards the actor, colour camera's axes, unit
 };
 // False: the shape is not within some 10 cm along the ray, or has no clear normal.
-bool silhouette_find_contact(const struct tsdf *v, const struct calibration *calibration,
+bool silhouette_find_contact(const struct tsdf *tsdf, const struct calibration *calibration,
                              const struct depth_frame *depth_frame, const struct silhouette_point *point,
                              struct pose bind_from_color, struct silhouette_contact *out);
 
@@ -41,7 +41,7 @@ struct silhouette_gaps {
 };
 
 // Adds one frame's contacts, the bones being at `transforms` (colour camera's axes).
-void silhouette_measure(const struct tsdf *v, const struct calibration *calibration,
+void silhouette_measure(const struct tsdf *tsdf, const struct calibration *calibration,
                         const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                         struct silhouette_gaps *gaps);
 
@@ -49,4 +49,4 @@ void silhouette_measure(const struct tsdf *v, const struct calibration *calibrat
 void silhouette_gaps_add(struct silhouette_gaps *to, const struct silhouette_gaps *gaps);
 
 // Moves the surface by the local mean gap, or towards the whole bone's mean where few contacts were counted.
-void tsdf_match_silhouettes(struct tsdf *v, const struct silhouette_gaps *gaps);
+void tsdf_match_silhouettes(struct tsdf *tsdf, const struct silhouette_gaps *gaps);

@@ -19,4 +19,4 @@ struct texture_atlas {
 // empty then; else the caller frees it with texture_atlas_free.
 MUST_CHECK enum status texture_atlas_make(struct texture_atlas *out, const struct surface_mesh *surface,
                                           const struct vertex_colors *vertex_colors, int threads);
-void texture_atlas_free(struct texture_atlas *a);
+void texture_atlas_free(struct texture_atlas *atlas);

@@ -36,28 +36,28 @@ struct cell_sorting {
     int32_t open[BONE_COUNT][BONE_COUNT][BONE_COUNT]; // the last block with these bones; -1: none
 };
 
-static void put_cell(struct tsdf_block *b, const struct tsdf_cell *cell)
+static void put_cell(struct tsdf_block *block, const struct tsdf_cell *cell)
 {
-    const int first = b->count, last = first ? first : LANES - 1; // the first cell fills all lanes
+    const int first = block->count, last = first ? first : LANES - 1; // the first cell fills all lanes
     for (int l = first; l <= last; l++) {
-        b->at[l] = cell->at;
+        block->at[l] = cell->at;
         for (int i = 0; i < 3; i++)
-            b->point[i][l] = cell->point[i];
+            block->point[i][l] = cell->point[i];
         for (int i = 0; i < SKIN_BONES; i++)
-            b->weight[i][l] = i == 0 || cell->skin.weight[0] < 1 ? cell->skin.weight[i] : 0;
+            block->weight[i][l] = i == 0 || cell->skin.weight[0] < 1 ? cell->skin.weight[i] : 0;
     }
-    memcpy(b->bone, cell->skin.bone, sizeof b->bone);
-    b->count++;
+    memcpy(block->bone, cell->skin.bone, sizeof block->bone);
+    block->count++;
 }
 
 // Groups cells by their bones, in the cells' order. blocks: NULL: they are only counted. Returns their number.
-static int sort_cells(struct cell_sorting *s, struct tsdf_block *blocks)
+static int sort_cells(struct cell_sorting *sorting, struct tsdf_block *blocks)
 {
     int count = 0;
-    memset(s->open, -1, sizeof s->open);
-    for (int c = 0; c < s->count; c++) {
-        const uint8_t *bone = s->cells[c].skin.bone;
-        int32_t *open = &s->open[bone[0]][bone[1]][bone[2]];
+    memset(sorting->open, -1, sizeof sorting->open);
+    for (int c = 0; c < sorting->count; c++) {
+        const uint8_t *bone = sorting->cells[c].skin.bone;
+        int32_t *open = &sorting->open[bone[0]][bone[1]][bone[2]];
         // While counting there are no blocks: `open` holds the number of cells in the last one.
         if (!blocks) {
             count += *open < 0 || *open == LANES;
@@ -68,24 +68,24 @@ static int sort_cells(struct cell_sorting *s, struct tsdf_block *blocks)
             *open = count++;
             blocks[*open].count = 0;
         }
-        put_cell(&blocks[*open], &s->cells[c]);
+        put_cell(&blocks[*open], &sorting->cells[c]);
     }
     return count;
 }
 
-static enum status open_blocks(struct tsdf *v)
+static enum status open_blocks(struct tsdf *tsdf)
 {
     struct cell_sorting *s = malloc(sizeof *s);
     if (!s)
         return fail(ERR_MEMORY, "no memory for the TSDF");
-    s->cells = v->active_cells ? v->active_cells : v->cells;
-    s->count = v->active_cells ? v->active_count : v->cell_count;
-    v->block_count = sort_cells(s, NULL);
-    v->blocks = malloc(sizeof *v->blocks * (size_t)(v->block_count + 1));
-    if (v->blocks)
-        sort_cells(s, v->blocks);
+    s->cells = tsdf->active_cells ? tsdf->active_cells : tsdf->cells;
+    s->count = tsdf->active_cells ? tsdf->active_count : tsdf->cell_count;
+    tsdf->block_count = sort_cells(s, NULL);
+    tsdf->blocks = malloc(sizeof *tsdf->blocks * (size_t)(tsdf->block_count + 1));
+    if (tsdf->blocks)
+        sort_cells(s, tsdf->blocks);
     free(s);
-    return v->blocks ? OK : fail(ERR_MEMORY, "no memory for the TSDF");
+    return tsdf->blocks ? OK : fail(ERR_MEMORY, "no memory for the TSDF");
 }
 
 // ---------------------------------------------------------------- one frame
@@ -107,32 +107,33 @@ struct integration {
 #define INLINE static inline __attribute__((always_inline))
 
 // Skins a block's cells into the depth camera's axes.
-INLINE void skin_cells(const struct integration *a, const struct tsdf_block *b, lanes out[3])
+INLINE void skin_cells(const struct integration *integration, const struct tsdf_block *block, lanes out[3])
 {
     lanes point[3], weight[SKIN_BONES];
-    memcpy(point, b->point, sizeof point);
-    memcpy(weight, b->weight, sizeof weight);
+    memcpy(point, block->point, sizeof point);
+    memcpy(weight, block->weight, sizeof weight);
     for (int row = 0; row < 3; row++) {
         lanes m[4];
         for (int k = 0; k < 4; k++)
-            m[k] = weight[0] * a->maps[b->bone[0]][row][k];
+            m[k] = weight[0] * integration->maps[block->bone[0]][row][k];
         for (int i = 1; i < SKIN_BONES; i++)
-            for (int k = 0; k < 4 && b->bone[i] != b->bone[0]; k++)
-                m[k] += weight[i] * a->maps[b->bone[i]][row][k];
+            for (int k = 0; k < 4 && block->bone[i] != block->bone[0]; k++)
+                m[k] += weight[i] * integration->maps[block->bone[i]][row][k];
         out[row] = m[0] * point[0] + m[1] * point[1] + m[2] * point[2] + m[3];
     }
 }
 
 // Projects points into the depth image, pixels, plus 0.5 for rounding.
-INLINE void project(const struct integration *a, const lanes p[3], lanes px[2])
+INLINE void project_points(const struct integration *integration, const lanes p[3], lanes px[2])
 {
-    if (a->ideal) {
+    if (integration->ideal) {
         const lanes scale = 1 / p[2];
-        px[0] = p[0] * scale * a->fx + a->cx;
-        px[1] = p[1] * scale * a->fy + a->cy;
+        px[0] = p[0] * scale * integration->fx + integration->cx;
+        px[1] = p[1] * scale * integration->fy + integration->cy;
     } else {
         for (int l = 0; l < LANES; l++) {
-            const struct pixel at = lens_project(a->lens, v3((double)p[0][l], (double)p[1][l], (double)p[2][l]));
+            const struct pixel at =
+                lens_project(integration->lens, v3((double)p[0][l], (double)p[1][l], (double)p[2][l]));
             px[0][l] = (float)at.x, px[1][l] = (float)at.y;
         }
     }
@@ -148,22 +149,23 @@ struct block_samples {
     lanes_int adjacent_part; // it shows that or an adjacent one
 };
 
-INLINE void sample_depth(const struct integration *a, const struct tsdf_block *b, const lanes p[3],
+INLINE void sample_depth(const struct integration *integration, const struct tsdf_block *block, const lanes p[3],
                          struct block_samples *out)
 {
     lanes px[2];
-    project(a, p, px);
-    const lanes_int inside = (p[2] > 0.05F) & (px[0] >= 0) & (px[1] >= 0) & (px[0] < (float)a->lens->width) &
-                             (px[1] < (float)a->lens->height);
-    const lanes_int x = __builtin_convertvector(SELECT(inside, px[0], SPLAT(0.0F)), lanes_int) - a->left,
-                    y = __builtin_convertvector(SELECT(inside, px[1], SPLAT(0.0F)), lanes_int) - a->top; // rounded down
-    const lanes_int in_window = inside & (x >= 0) & (y >= 0) & (x < a->width) & (y < a->height);
-    const lanes_int at = in_window & (y * a->width + x);
-    const int own = (int)bone_part(b->bone[0]), adjacent = a->adjacent[b->bone[0]];
+    project_points(integration, p, px);
+    const lanes_int inside = (p[2] > 0.05F) & (px[0] >= 0) & (px[1] >= 0) & (px[0] < (float)integration->lens->width) &
+                             (px[1] < (float)integration->lens->height);
+    const lanes_int x = __builtin_convertvector(SELECT(inside, px[0], SPLAT(0.0F)), lanes_int) - integration->left,
+                    y = __builtin_convertvector(SELECT(inside, px[1], SPLAT(0.0F)), lanes_int) -
+                        integration->top; // rounded down
+    const lanes_int in_window = inside & (x >= 0) & (y >= 0) & (x < integration->width) & (y < integration->height);
+    const lanes_int at = in_window & (y * integration->width + x);
+    const int own = (int)bone_part(block->bone[0]), adjacent = integration->adjacent[block->bone[0]];
     lanes_int depth, edge, half, part;
     for (int l = 0; l < LANES; l++) {
-        const struct labelled_sample *w = &a->samples[at[l]];
-        depth[l] = w->depth, edge[l] = w->edge, half[l] = w->half, part[l] = w->part;
+        const struct labelled_sample *sample = &integration->samples[at[l]];
+        depth[l] = sample->depth, edge[l] = sample->edge, half[l] = sample->half, part[l] = sample->part;
     }
     out->depth_m = __builtin_convertvector(depth, lanes) * 1e-3F;
     out->edge_px = __builtin_convertvector(edge, lanes);
@@ -182,37 +184,38 @@ struct block_update {
     lanes_int in_band;      // the depth sample shows the surface next to the cell
 };
 
-INLINE void evaluate(const struct integration *a, const struct block_samples *w, const lanes *z, int bone,
-                     struct block_update *out)
+INLINE void evaluate_update(const struct integration *integration, const struct block_samples *samples, const lanes *z,
+                            int bone, struct block_update *out)
 {
-    const lanes before = w->depth_m - *z;
+    const lanes before = samples->depth_m - *z;
     // Where the sensor saw past the actor, the surface is no farther than the silhouette it saw past.
-    const lanes beyond = SELECT(w->room, SPLAT(0.5F - (float)DEPTH_FRAME_RIM_PX),
+    const lanes beyond = SELECT(samples->room, SPLAT(0.5F - (float)DEPTH_FRAME_RIM_PX),
                                 SPLAT(0.5F + (float)DEPTH_FRAME_RIM_PX)); // the rim still shows the actor
-    const lanes away = (w->edge_px + beyond) * *z / a->fx, lateral = LANE_MIN(away, SPLAT(TSDF_TRUNCATION_M));
-    const lanes sure = 0.1F + 0.3F * w->edge_px; // near an edge a pixel may show either surface
+    const lanes away = (samples->edge_px + beyond) * *z / integration->fx,
+                lateral = LANE_MIN(away, SPLAT(TSDF_TRUNCATION_M));
+    const lanes sure = 0.1F + 0.3F * samples->edge_px; // near an edge a pixel may show either surface
     // The body extends behind the observed surface, no farther than it is thick.
-    const lanes wide = w->half_px * *z / a->fx, thick = LANE_MIN(SPLAT(a->thick[bone]), wide);
-    const lanes_int behind = ~w->room & (before < -BACK_TRUNCATION_M);
-    out->in_band = ~w->room & ~behind & (before < TSDF_TRUNCATION_M);
+    const lanes wide = samples->half_px * *z / integration->fx, thick = LANE_MIN(SPLAT(integration->thick[bone]), wide);
+    const lanes_int behind = ~samples->room & (before < -BACK_TRUNCATION_M);
+    out->in_band = ~samples->room & ~behind & (before < TSDF_TRUNCATION_M);
     out->distance = SELECT(out->in_band, before, SELECT(behind, -LANE_MIN(lateral, SPLAT(BACK_TRUNCATION_M)), lateral));
     out->weight = SELECT(out->in_band, LANE_MIN(SPLAT(1.0F), sure), LANE_MIN(SPLAT(FREE_SPACE_WEIGHT), sure));
-    const lanes_int past = w->room & (before > ROOM_SLACK_M);
-    const lanes_int within = behind & (before > -THICKNESS_SLACK * thick) & w->own;
-    out->any = w->valid & (past | within | (~w->room & ~behind & (~out->in_band | w->adjacent_part)));
+    const lanes_int past = samples->room & (before > ROOM_SLACK_M);
+    const lanes_int within = behind & (before > -THICKNESS_SLACK * thick) & samples->own;
+    out->any = samples->valid & (past | within | (~samples->room & ~behind & (~out->in_band | samples->adjacent_part)));
 }
 
-INLINE void add_block(const struct integration *a, const struct tsdf_block *b)
+INLINE void add_block(const struct integration *integration, const struct tsdf_block *block)
 {
     lanes p[3], known, weight_sum, seen;
     struct block_samples samples;
     struct block_update update;
-    struct tsdf_voxel *points = a->tsdf->voxels;
-    skin_cells(a, b, p);
-    sample_depth(a, b, p, &samples);
-    evaluate(a, &samples, &p[2], b->bone[0], &update);
+    struct tsdf_voxel *points = integration->tsdf->voxels;
+    skin_cells(integration, block, p);
+    sample_depth(integration, block, p, &samples);
+    evaluate_update(integration, &samples, &p[2], block->bone[0], &update);
     int any = 0;
-    for (int l = 0; l < b->count; l++)
+    for (int l = 0; l < block->count; l++)
         any |= update.any[l];
     if (!any)
         return;
@@ -221,26 +224,26 @@ INLINE void add_block(const struct integration *a, const struct tsdf_block *b)
     const lanes vote = FULL_WEIGHT_M / SELECT(far > 1e-6F, far, SPLAT(1e-6F));
     const lanes weight = update.weight * LANE_MIN(SPLAT(1.0F), vote);
     for (int l = 0; l < LANES; l++) {
-        const struct tsdf_voxel *point = &points[b->at[l]];
+        const struct tsdf_voxel *point = &points[block->at[l]];
         known[l] = point->distance, weight_sum[l] = point->weight, seen[l] = point->seen;
     }
     known = (known * weight_sum + update.distance * weight) / (weight_sum + weight);
     weight_sum += weight;
     seen += SELECT(update.in_band, weight, SPLAT(0.0F));
-    for (int l = 0; l < b->count; l++)
+    for (int l = 0; l < block->count; l++)
         if (update.any[l])
-            points[b->at[l]] = (struct tsdf_voxel){known[l], weight_sum[l], seen[l]};
+            points[block->at[l]] = (struct tsdf_voxel){known[l], weight_sum[l], seen[l]};
 }
 
-INLINE void add_blocks(const struct integration *a, int chunk)
+INLINE void add_blocks(const struct integration *integration, int chunk)
 {
-    const int from = chunk * CHUNK, to = from + CHUNK, count = a->tsdf->block_count;
+    const int from = chunk * CHUNK, to = from + CHUNK, count = integration->tsdf->block_count;
     for (int i = from; i < to && i < count; i++) {
-        const struct tsdf_block *b = &a->tsdf->blocks[i],
+        const struct tsdf_block *b = &integration->tsdf->blocks[i],
                                 *later = b + (i + PREFETCH_BLOCKS < count ? PREFETCH_BLOCKS : 0);
-        __builtin_prefetch(&a->tsdf->voxels[later->at[0]], 1);
-        __builtin_prefetch(&a->tsdf->voxels[later->at[later->count - 1]], 1);
-        add_block(a, b);
+        __builtin_prefetch(&integration->tsdf->voxels[later->at[0]], 1);
+        __builtin_prefetch(&integration->tsdf->voxels[later->at[later->count - 1]], 1);
+        add_block(integration, b);
     }
 }
 
@@ -263,18 +266,20 @@ static adder *find_adder(void)
 }
 
 // Copies the pixels about the actor, as far out as edge distances are known.
-static void copy_depth_window(struct integration *a, const struct depth_frame *s)
+static void copy_depth_window(struct integration *integration, const struct depth_frame *frame)
 {
-    int right = s->right + DEPTH_FRAME_MAX_EDGE_PX, bottom = s->bottom + DEPTH_FRAME_MAX_EDGE_PX;
-    a->left = s->left > DEPTH_FRAME_MAX_EDGE_PX ? s->left - DEPTH_FRAME_MAX_EDGE_PX : 0;
-    a->top = s->top > DEPTH_FRAME_MAX_EDGE_PX ? s->top - DEPTH_FRAME_MAX_EDGE_PX : 0;
-    a->width = (right < s->width ? right + 1 : s->width) - a->left;
-    a->height = (bottom < s->height ? bottom + 1 : s->height) - a->top;
-    struct labelled_sample *w = a->tsdf->samples;
-    a->samples = w;
-    for (int y = a->top; y < a->top + a->height; y++)
-        for (int i = y * s->width + a->left; i < y * s->width + a->left + a->width; i++)
-            *w++ = (struct labelled_sample){s->depth[i], s->part[i], s->edge_distance[i], s->half_width[i]};
+    int right = frame->right + DEPTH_FRAME_MAX_EDGE_PX, bottom = frame->bottom + DEPTH_FRAME_MAX_EDGE_PX;
+    integration->left = frame->left > DEPTH_FRAME_MAX_EDGE_PX ? frame->left - DEPTH_FRAME_MAX_EDGE_PX : 0;
+    integration->top = frame->top > DEPTH_FRAME_MAX_EDGE_PX ? frame->top - DEPTH_FRAME_MAX_EDGE_PX : 0;
+    integration->width = (right < frame->width ? right + 1 : frame->width) - integration->left;
+    integration->height = (bottom < frame->height ? bottom + 1 : frame->height) - integration->top;
+    struct labelled_sample *sample = integration->tsdf->samples;
+    integration->samples = sample;
+    for (int y = integration->top; y < integration->top + integration->height; y++)
+        for (int i = y * frame->width + integration->left;
+             i < y * frame->width + integration->left + integration->width; i++)
+            *sample++ = (struct labelled_sample){frame->depth[i], frame->part[i], frame->edge_distance[i],
+                                                 frame->half_width[i]};
 }
 
 enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *depth_frame,
@@ -302,70 +307,69 @@ enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *depth_frame
 // ---------------------------------------------------------------- tsdf store
 
 // Beyond anything that is measured of a person, and small enough that sums cannot overflow; chosen by hand.
-static const double LEAST_STEP_M = 1e-4, MOST_M = 100;
-static const float MOST_DISTANCE_M = 100, MOST_WEIGHT = 1e9F;
+static const double MIN_STEP_M = 1e-4, MAX_M = 100;
+static const float MAX_DISTANCE_M = 100, MAX_WEIGHT = 1e9F;
 
 // Grid points without a value come in long runs: their number, then the number of those with one, and those.
-static void voxels_archive(struct archive *a, struct tsdf_voxel *voxels, int32_t count)
+static void voxels_archive(struct archive *archive, struct tsdf_voxel *voxels, int32_t count)
 {
-    for (int32_t i = 0; i < count && !a->failed;) {
+    for (int32_t i = 0; i < count && !archive->failed;) {
         int32_t none = 0, some = 0;
-        for (; !a->reading && i + none < count && !(voxels[i + none].weight > 0);)
+        for (; !archive->reading && i + none < count && !(voxels[i + none].weight > 0);)
             none++;
-        for (; !a->reading && i + none + some < count && voxels[i + none + some].weight > 0;)
+        for (; !archive->reading && i + none + some < count && voxels[i + none + some].weight > 0;)
             some++;
-        ARCHIVE(a, none);
-        ARCHIVE(a, some);
-        a->failed |= none < 0 || some < 0 || none > count - i || some > count - i - none || (!none && !some);
-        if (a->failed)
+        ARCHIVE(archive, none);
+        ARCHIVE(archive, some);
+        archive->failed |= none < 0 || some < 0 || none > count - i || some > count - i - none || (!none && !some);
+        if (archive->failed)
             break;
-        archive_bytes(a, voxels + i + none, (size_t)some * sizeof *voxels);
+        archive_bytes(archive, voxels + i + none, (size_t)some * sizeof *voxels);
         i += none + some;
     }
 }
 
 // Every number is finite and one that a person's can be; false for what is not a number.
-static bool numbers_are_sound(const struct tsdf *t, int32_t points)
+static bool numbers_are_sound(const struct tsdf *tsdf, int32_t points)
 {
-    const struct vec3 c = t->corner;
-    bool sound = fabs(c.x) <= MOST_M && fabs(c.y) <= MOST_M && fabs(c.z) <= MOST_M && t->step >= LEAST_STEP_M &&
-                 t->step <= MOST_M;
+    const struct vec3 c = tsdf->corner;
+    bool sound = fabs(c.x) <= MAX_M && fabs(c.y) <= MAX_M && fabs(c.z) <= MAX_M && tsdf->step >= MIN_STEP_M &&
+                 tsdf->step <= MAX_M;
     for (int32_t i = 0; i < points; i++) {
-        const struct tsdf_voxel *v = &t->voxels[i];
-        sound &=
-            fabsf(v->distance) <= MOST_DISTANCE_M && fabsf(v->weight) <= MOST_WEIGHT && fabsf(v->seen) <= MOST_WEIGHT;
+        const struct tsdf_voxel *v = &tsdf->voxels[i];
+        sound &= fabsf(v->distance) <= MAX_DISTANCE_M && fabsf(v->weight) <= MAX_WEIGHT && fabsf(v->seen) <= MAX_WEIGHT;
     }
     return sound;
 }
 
-void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of)
+void tsdf_archive(struct archive *archive, struct tsdf **tsdf, const struct tsdf_of *of)
 {
-    struct tsdf *t = *v;
-    if (a->reading)
-        t = *v = calloc(1, sizeof *t);
+    struct tsdf *t = *tsdf;
+    if (archive->reading)
+        t = *tsdf = calloc(1, sizeof *t);
     if (!t) {
-        a->failed = a->out_of_memory = true;
+        archive->failed = archive->out_of_memory = true;
         return;
     }
-    ARCHIVE(a, t->corner);
-    ARCHIVE(a, t->step);
-    ARCHIVE(a, t->size);
+    ARCHIVE(archive, t->corner);
+    ARCHIVE(archive, t->step);
+    ARCHIVE(archive, t->size);
     const double points = (double)t->size[0] * t->size[1] * t->size[2];
-    a->failed |= !(t->size[0] > 0 && t->size[1] > 0 && t->size[2] > 0 && points <= TSDF_POINTS_MOST);
-    if (a->reading && !a->failed) {
+    archive->failed |= !(t->size[0] > 0 && t->size[1] > 0 && t->size[2] > 0 && points <= TSDF_POINTS_MAX);
+    if (archive->reading && !archive->failed) {
         t->bind_pose = *of->bind_pose;
         t->calibration = *of->calibration;
         t->depth_from_color = pose_inverse(of->calibration->color_from_depth);
         t->threads = 1;
         t->voxels = calloc((size_t)points, sizeof *t->voxels);
-        a->failed = a->out_of_memory = !t->voxels;
+        archive->failed = archive->out_of_memory = !t->voxels;
     }
-    if (!a->failed)
-        voxels_archive(a, t->voxels, (int32_t)points);
-    if (a->reading && !a->failed)
-        a->failed = !numbers_are_sound(t, (int32_t)points);
-    if (a->reading && a->failed)
-        tsdf_close(v);
+    if (!archive->failed)
+        voxels_archive(archive, t->voxels, (int32_t)points);
+    if (archive->reading && !archive->failed)
+        archive->failed = !numbers_are_sound(t, (int32_t)points);
+    if (archive->reading && archive->failed)
+        tsdf_close(tsdf);
 }
 
 // ---------------------------------------------------------------- tsdf
@@ -378,21 +382,21 @@ static const float FREE_SPACE_SHARE = 0.6F; // of the truncation: what is at lea
 
 enum { NORMAL_PASSES = 6, CELL_CHUNK = 8192 };
 
-static struct vec3 point_at(const struct tsdf *v, int at)
+static struct vec3 point_at(const struct tsdf *tsdf, int at)
 {
-    const int x = at % v->size[0], y = at / v->size[0] % v->size[1], z = at / v->size[0] / v->size[1];
-    return v3_add(v->corner, v3(x * v->step, y * v->step, z * v->step));
+    const int x = at % tsdf->size[0], y = at / tsdf->size[0] % tsdf->size[1], z = at / tsdf->size[0] / tsdf->size[1];
+    return v3_add(tsdf->corner, v3(x * tsdf->step, y * tsdf->step, z * tsdf->step));
 }
 
 // The grid: the bind pose's joints and a margin. Sizes are compared before they become integers: joints may lie
 // anywhere.
-static enum status find_size(struct tsdf *v)
+static enum status find_size(struct tsdf *tsdf)
 {
     struct vec3 low = v3(INFINITY, INFINITY, INFINITY), high = v3(-INFINITY, -INFINITY, -INFINITY);
     for (int j = 0; j < JOINT_COUNT; j++) {
-        if (!(v->bind_pose.skeleton.confidence[j] > 0))
+        if (!(tsdf->bind_pose.skeleton.confidence[j] > 0))
             continue;
-        struct vec3 p = v->bind_pose.skeleton.joint[j];
+        struct vec3 p = tsdf->bind_pose.skeleton.joint[j];
         if (!v3_finite(p)) // fmin and fmax would pass over it
             return fail(ERR_INPUT, "a joint of the take's person is not finite");
         low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
@@ -400,14 +404,15 @@ static enum status find_size(struct tsdf *v)
     }
     double margin = END_REACH_M;
     for (int p = 0; p < PART_COUNT; p++)
-        margin = v->bind_pose.known[p] ? fmax(margin, v->bind_pose.radius[p] + REACH_M) : margin;
-    v->corner = v3_sub(low, v3(margin, margin, margin));
-    struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
-    const double size[3] = {ceil(extent.x / v->step) + 1, ceil(extent.y / v->step) + 1, ceil(extent.z / v->step) + 1};
-    if (!(size[0] >= 1 && size[1] >= 1 && size[2] >= 1 && size[0] * size[1] * size[2] <= TSDF_POINTS_MOST))
+        margin = tsdf->bind_pose.known[p] ? fmax(margin, tsdf->bind_pose.radius[p] + REACH_M) : margin;
+    tsdf->corner = v3_sub(low, v3(margin, margin, margin));
+    struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), tsdf->corner);
+    const double size[3] = {ceil(extent.x / tsdf->step) + 1, ceil(extent.y / tsdf->step) + 1,
+                            ceil(extent.z / tsdf->step) + 1};
+    if (!(size[0] >= 1 && size[1] >= 1 && size[2] >= 1 && size[0] * size[1] * size[2] <= TSDF_POINTS_MAX))
         return fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
     for (int i = 0; i < 3; i++)
-        v->size[i] = (int)size[i];
+        tsdf->size[i] = (int)size[i];
     return OK;
 }
 
@@ -420,73 +425,75 @@ static int clamp_to(double g, int size)
 
 // Rasterises a capsule, from a to b: each voxel's distance becomes the minimum of its own and the capsule's; grid
 // points nearer than `reach` are marked in `keep`.
-static void rasterize_capsule(struct tsdf *v, struct vec3 a, struct vec3 b, double radius, double reach, uint8_t *keep)
+static void rasterize_capsule(struct tsdf *tsdf, struct vec3 a, struct vec3 b, double radius, double reach,
+                              uint8_t *keep)
 {
-    struct vec3 along = v3_sub(b, a), low = v3_sub(a, v->corner), high = v3_sub(b, v->corner);
+    struct vec3 along = v3_sub(b, a), low = v3_sub(a, tsdf->corner), high = v3_sub(b, tsdf->corner);
     double length2 = v3_dot(along, along), wide = radius + fmax(reach, (double)TSDF_TRUNCATION_M);
     const double lows[] = {fmin(low.x, high.x), fmin(low.y, high.y), fmin(low.z, high.z)};
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
     for (int i = 0; i < 3; i++) {
-        from[i] = clamp_to(floor((lows[i] - wide) / v->step), v->size[i]);
-        to[i] = clamp_to(ceil((highs[i] + wide) / v->step) + 1, v->size[i]);
+        from[i] = clamp_to(floor((lows[i] - wide) / tsdf->step), tsdf->size[i]);
+        to[i] = clamp_to(ceil((highs[i] + wide) / tsdf->step) + 1, tsdf->size[i]);
     }
     for (int z = from[2]; z < to[2]; z++)
         for (int y = from[1]; y < to[1]; y++)
             for (int x = from[0]; x < to[0]; x++) {
-                int at = (z * v->size[1] + y) * v->size[0] + x;
-                struct vec3 p = v3_sub(point_at(v, at), a);
+                int at = (z * tsdf->size[1] + y) * tsdf->size[0] + x;
+                struct vec3 p = v3_sub(point_at(tsdf, at), a);
                 double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
                 t = clamp_double(t, 0, 1);
                 double gap = v3_length(v3_sub(p, v3_scale(along, t))) - radius;
-                v->voxels[at].distance = fminf(v->voxels[at].distance, (float)gap);
+                tsdf->voxels[at].distance = fminf(tsdf->voxels[at].distance, (float)gap);
                 keep[at] |= gap < reach;
             }
 }
 
-static void rasterize_body(struct tsdf *v, uint8_t *keep)
+static void rasterize_body(struct tsdf *tsdf, uint8_t *keep)
 {
     static const enum joint ends[] = {JOINT_LEFT_HAND, JOINT_RIGHT_HAND, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, JOINT_HEAD};
-    const struct skeleton *s = &v->bind_pose.skeleton;
+    const struct skeleton *s = &tsdf->bind_pose.skeleton;
     for (int p = 0; p < PART_COUNT; p++)
-        if (v->bind_pose.known[p])
-            rasterize_capsule(v, s->joint[part_ends[p].from], s->joint[part_ends[p].to], v->bind_pose.radius[p],
+        if (tsdf->bind_pose.known[p])
+            rasterize_capsule(tsdf, s->joint[part_ends[p].from], s->joint[part_ends[p].to], tsdf->bind_pose.radius[p],
                               REACH_M, keep);
     for (int p = 0; p < PART_COUNT; p++)
         for (size_t e = 0; e < COUNT_OF(ends); e++)
-            if (v->bind_pose.known[p] && part_ends[p].to == ends[e])
-                rasterize_capsule(v, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
+            if (tsdf->bind_pose.known[p] && part_ends[p].to == ends[e])
+                rasterize_capsule(tsdf, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
 }
 
 static void skin_chunk(void *context, int chunk)
 {
-    struct tsdf *v = context;
-    for (int c = chunk * CELL_CHUNK; c < (chunk + 1) * CELL_CHUNK && c < v->cell_count; c++)
-        v->cells[c].skin = bind_pose_skin_weights(&v->bind_pose, point_at(v, v->cells[c].at));
+    struct tsdf *tsdf = context;
+    for (int c = chunk * CELL_CHUNK; c < (chunk + 1) * CELL_CHUNK && c < tsdf->cell_count; c++)
+        tsdf->cells[c].skin = bind_pose_skin_weights(&tsdf->bind_pose, point_at(tsdf, tsdf->cells[c].at));
 }
 
-static enum status open_cells(struct tsdf *v, int count)
+static enum status open_cells(struct tsdf *tsdf, int count)
 {
     uint8_t *keep = calloc((size_t)count, 1);
     if (!keep)
         return fail(ERR_MEMORY, "no memory for the TSDF");
     for (int i = 0; i < count; i++)
-        v->voxels[i].distance = TSDF_TRUNCATION_M;
-    rasterize_body(v, keep);
+        tsdf->voxels[i].distance = TSDF_TRUNCATION_M;
+    rasterize_body(tsdf, keep);
     for (int i = 0; i < count; i++)
-        v->cell_count += keep[i];
-    v->cells = malloc(sizeof *v->cells * (size_t)(v->cell_count ? v->cell_count : 1));
+        tsdf->cell_count += keep[i];
+    tsdf->cells = malloc(sizeof *tsdf->cells * (size_t)(tsdf->cell_count ? tsdf->cell_count : 1));
     int c = 0;
-    for (int i = 0; i < count && v->cells; i++)
+    for (int i = 0; i < count && tsdf->cells; i++)
         if (keep[i]) {
-            struct vec3 p = point_at(v, i);
-            v->cells[c++] = (struct tsdf_cell){.at = i, .point = {(float)p.x, (float)p.y, (float)p.z}};
-            v->voxels[i] = (struct tsdf_voxel){fmaxf(-TSDF_TRUNCATION_M, v->voxels[i].distance), CYLINDER_WEIGHT, 0};
+            struct vec3 p = point_at(tsdf, i);
+            tsdf->cells[c++] = (struct tsdf_cell){.at = i, .point = {(float)p.x, (float)p.y, (float)p.z}};
+            tsdf->voxels[i] =
+                (struct tsdf_voxel){fmaxf(-TSDF_TRUNCATION_M, tsdf->voxels[i].distance), CYLINDER_WEIGHT, 0};
         }
     free(keep);
-    if (!v->cells)
+    if (!tsdf->cells)
         return fail(ERR_MEMORY, "no memory for the TSDF");
-    parallel_for(v->threads, (v->cell_count + CELL_CHUNK - 1) / CELL_CHUNK, skin_chunk, v);
+    parallel_for(tsdf->threads, (tsdf->cell_count + CELL_CHUNK - 1) / CELL_CHUNK, skin_chunk, tsdf);
     return OK;
 }
 
@@ -518,17 +525,17 @@ enum status tsdf_open(struct tsdf **out, const struct bind_pose *bind_pose, cons
     return OK;
 }
 
-void tsdf_close(struct tsdf **v)
+void tsdf_close(struct tsdf **tsdf)
 {
-    if (!*v)
+    if (!*tsdf)
         return;
-    free((*v)->cells);
-    free((*v)->active_cells);
-    free((*v)->blocks);
-    free((*v)->voxels);
-    free((*v)->samples);
-    free(*v);
-    *v = NULL;
+    free((*tsdf)->cells);
+    free((*tsdf)->active_cells);
+    free((*tsdf)->blocks);
+    free((*tsdf)->voxels);
+    free((*tsdf)->samples);
+    free(*tsdf);
+    *tsdf = NULL;
 }
 
 // ---------------------------------------------------------------- the unseen trunk
@@ -547,14 +554,14 @@ static double flattened_distance(const struct bind_pose *bind_pose, int bone, st
     return wide > 0 ? v3_length(off) * (1 - bind_pose->radius[bone] / wide) : -TRUNK_DEPTH * bind_pose->radius[bone];
 }
 
-void tsdf_flatten_unseen_trunk(struct tsdf *v)
+void tsdf_flatten_unseen_trunk(struct tsdf *tsdf)
 {
-    for (int c = 0; c < v->cell_count; c++) {
-        struct tsdf_voxel *point = &v->voxels[v->cells[c].at];
-        const int bone = v->cells[c].skin.bone[0];
+    for (int c = 0; c < tsdf->cell_count; c++) {
+        struct tsdf_voxel *point = &tsdf->voxels[tsdf->cells[c].at];
+        const int bone = tsdf->cells[c].skin.bone[0];
         if (!is_trunk(bone) || point->weight != CYLINDER_WEIGHT)
             continue;
-        const float gap = (float)flattened_distance(&v->bind_pose, bone, point_at(v, v->cells[c].at));
+        const float gap = (float)flattened_distance(&tsdf->bind_pose, bone, point_at(tsdf, tsdf->cells[c].at));
         point->distance = fmaxf(point->distance, fminf(gap, TSDF_TRUNCATION_M));
     }
 }
@@ -566,9 +573,9 @@ struct offset_job {
     const struct bone_chart *out_m;
 };
 
-static void offset_cell(const struct offset_job *g, const struct tsdf_cell *cell)
+static void offset_cell(const struct offset_job *job, const struct tsdf_cell *cell)
 {
-    float *distance = &g->tsdf->voxels[cell->at].distance;
+    float *distance = &job->tsdf->voxels[cell->at].distance;
     if (*distance >= TSDF_TRUNCATION_M) // far outside: stays so
         return;
     const struct vec3 point = v3((double)cell->point[0], (double)cell->point[1], (double)cell->point[2]);
@@ -576,32 +583,33 @@ static void offset_cell(const struct offset_job *g, const struct tsdf_cell *cell
         const int bone = cell->skin.bone[i];
         if (!(cell->skin.weight[i] > 0))
             continue;
-        const struct chart_sample here = chart_sample_at(&g->tsdf->bind_pose.frame[bone], point);
-        *distance -= cell->skin.weight[i] * bone_chart_at(&g->out_m[bone], &here);
+        const struct chart_sample here = chart_sample_at(&job->tsdf->bind_pose.frame[bone], point);
+        *distance -= cell->skin.weight[i] * bone_chart_at(&job->out_m[bone], &here);
     }
 }
 
 static void offset_chunk(void *context, int chunk)
 {
-    const struct offset_job *g = context;
-    for (int c = chunk * CELL_CHUNK; c < (chunk + 1) * CELL_CHUNK && c < g->tsdf->cell_count; c++)
-        offset_cell(g, &g->tsdf->cells[c]);
+    const struct offset_job *job = context;
+    for (int c = chunk * CELL_CHUNK; c < (chunk + 1) * CELL_CHUNK && c < job->tsdf->cell_count; c++)
+        offset_cell(job, &job->tsdf->cells[c]);
 }
 
-void tsdf_offset(struct tsdf *v, const struct bone_chart out_m[BONE_COUNT])
+void tsdf_offset(struct tsdf *tsdf, const struct bone_chart out_m[BONE_COUNT])
 {
-    struct offset_job job = {v, out_m};
-    parallel_for(v->threads, (v->cell_count + CELL_CHUNK - 1) / CELL_CHUNK, offset_chunk, &job);
+    struct offset_job job = {tsdf, out_m};
+    parallel_for(tsdf->threads, (tsdf->cell_count + CELL_CHUNK - 1) / CELL_CHUNK, offset_chunk, &job);
 }
 
 // The voxel of `known` that is nearest to a cell of v; both grids begin at the same corner.
-static const struct tsdf_voxel *known_voxel(const struct tsdf *v, const struct tsdf *known,
+static const struct tsdf_voxel *known_voxel(const struct tsdf *tsdf, const struct tsdf *known,
                                             const struct tsdf_cell *cell)
 {
-    const int at[3] = {cell->at % v->size[0], cell->at / v->size[0] % v->size[1], cell->at / v->size[0] / v->size[1]};
+    const int at[3] = {cell->at % tsdf->size[0], cell->at / tsdf->size[0] % tsdf->size[1],
+                       cell->at / tsdf->size[0] / tsdf->size[1]};
     int nearest[3];
     for (int i = 0; i < 3; i++) {
-        nearest[i] = (int)(at[i] * v->step / known->step + 0.5);
+        nearest[i] = (int)(at[i] * tsdf->step / known->step + 0.5);
         nearest[i] = nearest[i] < known->size[i] ? nearest[i] : known->size[i] - 1;
     }
     return &known->voxels[(nearest[2] * known->size[1] + nearest[1]) * known->size[0] + nearest[0]];
@@ -633,27 +641,28 @@ enum status tsdf_copy_free_space(struct tsdf *v, const struct tsdf *known)
 
 // ---------------------------------------------------------------- sampling
 
-const struct bind_pose *tsdf_bind_pose(const struct tsdf *v) { return &v->bind_pose; }
+const struct bind_pose *tsdf_bind_pose(const struct tsdf *tsdf) { return &tsdf->bind_pose; }
 
-const struct calibration *tsdf_calibration(const struct tsdf *v) { return &v->calibration; }
+const struct calibration *tsdf_calibration(const struct tsdf *tsdf) { return &tsdf->calibration; }
 
-bool tsdf_sample(const struct tsdf *v, struct vec3 bind_point, double *distance, struct vec3 *gradient, double *seen)
+bool tsdf_sample(const struct tsdf *tsdf, struct vec3 bind_point, double *distance, struct vec3 *gradient, double *seen)
 {
-    struct vec3 g = v3_scale(v3_sub(bind_point, v->corner), 1 / v->step);
-    if (!(g.x >= 0 && g.y >= 0 && g.z >= 0 && g.x < v->size[0] - 1 && g.y < v->size[1] - 1 && g.z < v->size[2] - 1))
+    struct vec3 g = v3_scale(v3_sub(bind_point, tsdf->corner), 1 / tsdf->step);
+    if (!(g.x >= 0 && g.y >= 0 && g.z >= 0 && g.x < tsdf->size[0] - 1 && g.y < tsdf->size[1] - 1 &&
+          g.z < tsdf->size[2] - 1))
         return false;
     const int x = (int)g.x, y = (int)g.y, z = (int)g.z;
     double f[2][2][2], u = g.x - x, w = g.y - y, t = g.z - z;
-    float least_seen = INFINITY;
+    float min_seen = INFINITY;
     for (int i = 0; i < 8; i++) {
-        int at = ((z + (i >> 2)) * v->size[1] + y + (i >> 1 & 1)) * v->size[0] + x + (i & 1);
-        const struct tsdf_voxel *p = &v->voxels[at];
-        if (!(p->weight > 0))
+        int at = ((z + (i >> 2)) * tsdf->size[1] + y + (i >> 1 & 1)) * tsdf->size[0] + x + (i & 1);
+        const struct tsdf_voxel *voxel = &tsdf->voxels[at];
+        if (!(voxel->weight > 0))
             return false;
-        f[i >> 2][i >> 1 & 1][i & 1] = (double)p->distance;
-        least_seen = p->seen < least_seen ? p->seen : least_seen;
+        f[i >> 2][i >> 1 & 1][i & 1] = (double)voxel->distance;
+        min_seen = voxel->seen < min_seen ? voxel->seen : min_seen;
     }
-    *seen = (double)least_seen;
+    *seen = (double)min_seen;
     double c[2][2], cx[2][2];
     for (int k = 0; k < 2; k++)
         for (int j = 0; j < 2; j++) {
@@ -665,7 +674,7 @@ bool tsdf_sample(const struct tsdf *v, struct vec3 bind_point, double *distance,
     gradient->x = (cx[0][0] * (1 - w) + cx[0][1] * w) * (1 - t) + (cx[1][0] * (1 - w) + cx[1][1] * w) * t;
     gradient->y = (c[0][1] - c[0][0]) * (1 - t) + (c[1][1] - c[1][0]) * t;
     gradient->z = high - low;
-    *gradient = v3_scale(*gradient, 1 / v->step);
+    *gradient = v3_scale(*gradient, 1 / tsdf->step);
     return fabs(*distance) < (double)TSDF_TRUNCATION_M * 0.98;
 }
 
@@ -692,25 +701,25 @@ enum status tsdf_smooth(struct tsdf *v, int passes)
 
 // ---------------------------------------------------------------- surface (naive surface nets)
 
-void surface_mesh_free(struct surface_mesh *s)
+void surface_mesh_free(struct surface_mesh *mesh)
 {
-    free(s->points);
-    free(s->normals);
-    free(s->corners);
-    *s = (struct surface_mesh){0};
+    free(mesh->points);
+    free(mesh->normals);
+    free(mesh->corners);
+    *mesh = (struct surface_mesh){0};
 }
 
 // The vertex of the cube whose lowest grid point is `at`: the mean of its edges' zero crossings. False: none cross.
-static bool cube_point(const struct tsdf *v, int at, struct vec3 *out)
+static bool cube_point(const struct tsdf *tsdf, int at, struct vec3 *out)
 {
-    const int dx = 1, dy = v->size[0], dz = v->size[0] * v->size[1];
+    const int dx = 1, dy = tsdf->size[0], dz = tsdf->size[0] * tsdf->size[1];
     float d[8];
     int inside = 0;
     for (int i = 0; i < 8; i++) {
         int corner = at + (i & 1) * dx + (i >> 1 & 1) * dy + (i >> 2) * dz;
-        if (!(v->voxels[corner].weight > 0))
+        if (!(tsdf->voxels[corner].weight > 0))
             return false;
-        d[i] = v->voxels[corner].distance;
+        d[i] = tsdf->voxels[corner].distance;
         inside += d[i] < 0;
     }
     if (inside == 0 || inside == 8)
@@ -727,35 +736,35 @@ static bool cube_point(const struct tsdf *v, int at, struct vec3 *out)
                                  (i >> 2) + (axis == 4 ? t : 0)));
             crossings++;
         }
-    *out = v3_add(point_at(v, at), v3_scale(sum, v->step / crossings));
+    *out = v3_add(point_at(tsdf, at), v3_scale(sum, tsdf->step / crossings));
     return true;
 }
 
-static void add_quad(struct surface_mesh *s, const int32_t q[4], bool reversed)
+static void add_quad(struct surface_mesh *mesh, const int32_t q[4], bool reversed)
 {
     static const int order[2][6] = {{0, 1, 2, 0, 2, 3}, {0, 2, 1, 0, 3, 2}};
     for (int i = 0; i < 4; i++)
         if (q[i] < 0)
             return;
     for (int i = 0; i < 6; i++)
-        s->corners[s->corner_count++] = q[order[reversed][i]];
+        mesh->corners[mesh->corner_count++] = q[order[reversed][i]];
 }
 
 // Normals as noisy as depth would make the shading flicker: each becomes the mean of itself and its neighbours.
-static enum status smooth_normals(struct surface_mesh *s)
+static enum status smooth_normals(struct surface_mesh *mesh)
 {
-    struct vec3 *sum = malloc(sizeof *sum * (size_t)(s->point_count + 1));
+    struct vec3 *sum = malloc(sizeof *sum * (size_t)(mesh->point_count + 1));
     if (!sum)
         return fail(ERR_MEMORY, "no memory for the TSDF");
     for (int pass = 0; pass < NORMAL_PASSES; pass++) {
-        for (int i = 0; i < s->point_count; i++)
-            sum[i] = s->normals[i];
-        for (int c = 0; c < s->corner_count; c++) {
+        for (int i = 0; i < mesh->point_count; i++)
+            sum[i] = mesh->normals[i];
+        for (int c = 0; c < mesh->corner_count; c++) {
             int next = c % 3 == 2 ? c - 2 : c + 1;
-            sum[s->corners[c]] = v3_add(sum[s->corners[c]], s->normals[s->corners[next]]);
+            sum[mesh->corners[c]] = v3_add(sum[mesh->corners[c]], mesh->normals[mesh->corners[next]]);
         }
-        for (int i = 0; i < s->point_count; i++)
-            s->normals[i] = v3_unit(sum[i]);
+        for (int i = 0; i < mesh->point_count; i++)
+            mesh->normals[i] = v3_unit(sum[i]);
     }
     free(sum);
     return OK;
@@ -765,17 +774,17 @@ enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out)
 {
     *out = (struct surface_mesh){0};
     const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
-    int count = v->size[0] * v->size[1] * v->size[2], most = 0;
+    int count = v->size[0] * v->size[1] * v->size[2], max = 0;
     int32_t *number = malloc(sizeof *number * (size_t)count);
     for (int i = 0; number && i < count; i++)
         number[i] = -1;
     struct vec3 p;
     for (int c = 0; number && c < v->cell_count; c++)
         if (cube_point(v, v->cells[c].at, &p))
-            number[v->cells[c].at] = most++;
-    out->points = malloc(sizeof *out->points * (size_t)(most + 1));
-    out->normals = malloc(sizeof *out->normals * (size_t)(most + 1));
-    out->corners = malloc(sizeof *out->corners * 18 * (size_t)(most + 1));
+            number[v->cells[c].at] = max++;
+    out->points = malloc(sizeof *out->points * (size_t)(max + 1));
+    out->normals = malloc(sizeof *out->normals * (size_t)(max + 1));
+    out->corners = malloc(sizeof *out->corners * 18 * (size_t)(max + 1));
     if (!number || !out->points || !out->normals || !out->corners) {
         free(number);
         surface_mesh_free(out);

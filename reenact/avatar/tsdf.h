@@ -8,10 +8,10 @@
 // that changes a TSDF; any number may read one that is not being changed. Deterministic.
 // Memory: 12 bytes for each grid point, some 90 for each grid point near a bone, 6 for each depth pixel.
 #pragma once
+#include "base/archive.h"
 #include "reenact/observation/depth_frame.h"
 #include "reenact/skeleton/bind_pose.h"
 #include "reenact/skeleton/body_cylinders.h"
-#include "base/archive.h"
 
 struct tsdf;
 
@@ -24,7 +24,7 @@ struct tsdf;
 // then NULL.
 MUST_CHECK enum status tsdf_open(struct tsdf **out, const struct bind_pose *bind_pose,
                                  const struct calibration *calibration, double step_m, int threads);
-void tsdf_close(struct tsdf **v); // accepts NULL in *v
+void tsdf_close(struct tsdf **tsdf); // accepts NULL in *tsdf
 
 // Fuses one frame, the bones being at `transforms` (colour camera's axes). ERR_MEMORY; nothing is changed then.
 MUST_CHECK enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *depth_frame,
@@ -34,23 +34,24 @@ MUST_CHECK enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *
 // from the surface; no later frame is integrated there. ERR_MEMORY; nothing is changed then.
 MUST_CHECK enum status tsdf_copy_free_space(struct tsdf *v, const struct tsdf *known);
 
-const struct bind_pose *tsdf_bind_pose(const struct tsdf *v);
-const struct calibration *tsdf_calibration(const struct tsdf *v);
+const struct bind_pose *tsdf_bind_pose(const struct tsdf *tsdf);
+const struct calibration *tsdf_calibration(const struct tsdf *tsdf);
 
 // After the last frame: where a trunk was not observed, makes it as deep as trunks are instead of as deep as wide. (Not
 // before: a back too near would pull the front with it, and with the front the registration of every frame.)
-void tsdf_flatten_unseen_trunk(struct tsdf *v);
+void tsdf_flatten_unseen_trunk(struct tsdf *tsdf);
 
 // Reduces noise: `passes` times a binomial filter (1 2 1) along each axis. ERR_MEMORY.
 MUST_CHECK enum status tsdf_smooth(struct tsdf *v, int passes);
 
 // Moves the surface outwards by each bone's chart, metres, blended by the skin weights.
-void tsdf_offset(struct tsdf *v, const struct bone_chart out_m[BONE_COUNT]);
+void tsdf_offset(struct tsdf *tsdf, const struct bone_chart out_m[BONE_COUNT]);
 
 // Signed distance and its gradient (without unit, about 1 long) at a point of the bind pose, trilinear. *seen: the
 // weight, in frames, of the depth samples of this surface; 0: the surface is the cylinders'. False: too far from the
 // bones, or at the truncation.
-bool tsdf_sample(const struct tsdf *v, struct vec3 bind_point, double *distance, struct vec3 *gradient, double *seen);
+bool tsdf_sample(const struct tsdf *tsdf, struct vec3 bind_point, double *distance, struct vec3 *gradient,
+                 double *seen);
 
 // The surface as triangles (naive surface nets, Gibson 1998), counter-clockwise seen from outside; bind-pose axes,
 // metres.
@@ -61,7 +62,7 @@ struct surface_mesh {
 };
 // NOTHING: there is no surface. ERR_MEMORY. *out is empty then; else the caller frees it with surface_mesh_free.
 MUST_CHECK enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out);
-void surface_mesh_free(struct surface_mesh *s);
+void surface_mesh_free(struct surface_mesh *mesh);
 
 // ---------------------------------------------------------------- tsdf
 
@@ -97,7 +98,7 @@ struct tsdf_block {
     uint8_t count;
 };
 
-enum { TSDF_POINTS_MOST = 32000000 }; // of a grid, 384 MB: ten times what a dancer's takes (3.3 million)
+enum { TSDF_POINTS_MAX = 32000000 }; // of a grid, 384 MB: ten times what a dancer's takes (3.3 million)
 
 struct tsdf {
     struct bind_pose bind_pose;
@@ -127,6 +128,6 @@ struct tsdf_of {
     const struct calibration *calibration;
 };
 
-// Writes *v, or makes it (of: not NULL then). What is made can be sampled (tsdf_sample) and nothing else. Where the
-// archive fails, as it does on numbers that are not finite or not a person's, *v is NULL.
-void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of);
+// Writes *tsdf, or makes it (of: not NULL then). What is made can be sampled (tsdf_sample) and nothing else. Where the
+// archive fails, as it does on numbers that are not finite or not a person's, *tsdf is NULL.
+void tsdf_archive(struct archive *archive, struct tsdf **tsdf, const struct tsdf_of *of);

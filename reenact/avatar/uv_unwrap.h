@@ -22,4 +22,4 @@ struct uv_mesh {
 // the charts do not fit an image of 1280 x 1280. *out is empty then; else the caller frees it with uv_mesh_free.
 MUST_CHECK enum status uv_unwrap(struct uv_mesh *out, const struct surface_mesh *surface, const int32_t *corners,
                                  int corner_count, double texel_m);
-void uv_mesh_free(struct uv_mesh *u);
+void uv_mesh_free(struct uv_mesh *mesh);

@@ -27,7 +27,7 @@ float sh_irradiance_at(const struct sh_irradiance *irradiance, const float n[3])
     sh_basis(n, y);
     for (int i = 0; i < SH_TERMS; i++)
         sum += irradiance->term[i] * y[i];
-    return fminf(fmaxf(sum, IRRADIANCE_LEAST), IRRADIANCE_MOST);
+    return fminf(fmaxf(sum, IRRADIANCE_MIN), IRRADIANCE_MAX);
 }
 
 // ---------------------------------------------------------------- vertex color
@@ -35,7 +35,7 @@ float sh_irradiance_at(const struct sh_irradiance *irradiance, const float n[3])
 enum { SAMPLES_KEPT = 16, ITERATIONS = 8, RIM_PX = 1, CHUNK = 4096 };
 
 // Chosen by hand on the takes of docs/results.md.
-static const double LEAST_FACING = 0.25;      // cosine towards the camera
+static const double MIN_FACING = 0.25;        // cosine towards the camera
 static const float COLOR_OUTLIER = 0.06F;     // at this residual a sample's weight is a quarter of the full one (a half
                                               // for the irradiance)
 static const float SH_REGULARIZATION = 0.02F; // ridge on the SH terms, of the data's weight: normals may cover few
@@ -74,13 +74,13 @@ enum status vertex_color_open(struct vertex_color_builder **out, const struct ve
     return fail(ERR_MEMORY, "no memory for the mesh's colours");
 }
 
-void vertex_color_close(struct vertex_color_builder **m)
+void vertex_color_close(struct vertex_color_builder **builder)
 {
-    if (!*m)
+    if (!*builder)
         return;
-    free((*m)->samples);
-    free(*m);
-    *m = NULL;
+    free((*builder)->samples);
+    free(*builder);
+    *builder = NULL;
 }
 
 // ---------------------------------------------------------------- samples
@@ -97,9 +97,9 @@ static void keep_sample(struct color_sample samples[SAMPLES_KEPT], const struct 
 }
 
 // Bilinear, linear colour. False: p projects outside the image.
-static bool read_color(const struct vertex_color_builder *m, const uint8_t *rgb, struct vec3 p, float out[3])
+static bool read_color(const struct vertex_color_builder *builder, const uint8_t *rgb, struct vec3 p, float out[3])
 {
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &builder->calibration.color;
     struct pixel px = lens_project(lens, p);
     int x = (int)floor(px.x), y = (int)floor(px.y);
     if (x < 0 || y < 0 || x + 1 >= lens->width || y + 1 >= lens->height)
@@ -107,8 +107,8 @@ static bool read_color(const struct vertex_color_builder *m, const uint8_t *rgb,
     float u = (float)(px.x - x), v = (float)(px.y - y);
     const uint8_t *a = rgb + 3 * (y * lens->width + x), *b = a + 3 * lens->width;
     for (int c = 0; c < 3; c++)
-        out[c] = (m->linear[a[c]] * (1 - u) + m->linear[a[c + 3]] * u) * (1 - v) +
-                 (m->linear[b[c]] * (1 - u) + m->linear[b[c + 3]] * u) * v;
+        out[c] = (builder->linear[a[c]] * (1 - u) + builder->linear[a[c + 3]] * u) * (1 - v) +
+                 (builder->linear[b[c]] * (1 - u) + builder->linear[b[c + 3]] * u) * v;
     return true;
 }
 
@@ -120,38 +120,38 @@ struct color_observation {
 
 static void add_chunk(void *context, int chunk)
 {
-    const struct color_observation *a = context;
-    const struct vertex_color_builder *m = a->builder;
-    const struct vertex_color_frame *f = a->frame;
-    const struct surface_mesh *surface = m->target.surface;
+    const struct color_observation *observation = context;
+    const struct vertex_color_builder *builder = observation->builder;
+    const struct vertex_color_frame *f = observation->frame;
+    const struct surface_mesh *surface = builder->target.surface;
     for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < surface->point_count; i++) {
-        const struct skin_weights *skin = &m->target.skins[i];
+        const struct skin_weights *skin = &builder->target.skins[i];
         struct vec3 p, n, bind_point = surface->points[i];
         bind_point = v3_add(bind_point, deformation_at(f->deformation, bind_point));
         linear_blend_skin(skin, f->transforms, bind_point, surface->normals[i], &p, &n);
         double facing = -v3_dot(n, v3_unit(p));
         struct color_sample sample = {.time_s = (float)f->time_s};
-        if (!(p.z > 0.05) || facing < LEAST_FACING ||
-            !depth_agrees_with_bone(f->depth_frame, &m->calibration.depth, pose_apply(m->depth_from_color, p),
-                                    skin->bone[0], RIM_PX) ||
-            !read_color(m, f->rgb, p, sample.rgb))
+        if (!(p.z > 0.05) || facing < MIN_FACING ||
+            !depth_agrees_with_bone(f->depth_frame, &builder->calibration.depth,
+                                    pose_apply(builder->depth_from_color, p), skin->bone[0], RIM_PX) ||
+            !read_color(builder, f->rgb, p, sample.rgb))
             continue;
         struct vec3 world = quat_rotate(f->world_from_camera.rotation, n);
         sample.normal[0] = (float)world.x, sample.normal[1] = (float)world.y, sample.normal[2] = (float)world.z;
         sample.weight = (float)(facing * facing / (p.z * p.z));
-        keep_sample(m->samples[i], &sample);
+        keep_sample(builder->samples[i], &sample);
     }
 }
 
-static int chunk_count(const struct vertex_color_builder *m)
+static int chunk_count(const struct vertex_color_builder *builder)
 {
-    return (m->target.surface->point_count + CHUNK - 1) / CHUNK;
+    return (builder->target.surface->point_count + CHUNK - 1) / CHUNK;
 }
 
-void vertex_color_add(struct vertex_color_builder *m, const struct vertex_color_frame *frame)
+void vertex_color_add(struct vertex_color_builder *builder, const struct vertex_color_frame *frame)
 {
-    struct color_observation a = {m, frame};
-    parallel_for(m->threads, chunk_count(m), add_chunk, &a);
+    struct color_observation a = {builder, frame};
+    parallel_for(builder->threads, chunk_count(builder), add_chunk, &a);
 }
 
 // ---------------------------------------------------------------- alternation: albedo, then irradiance
@@ -216,38 +216,39 @@ struct sh_fit {
     struct sh_equations *equations;  // of each chunk of points
 };
 
-static void accumulate_sh(struct sh_equations *s, const struct color_sample *w, float on, const float color[3])
+static void accumulate_sh(struct sh_equations *equations, const struct color_sample *sample, float on,
+                          const float color[3])
 {
     float y[SH_TERMS];
     double bright = 0, seen = 0;
     for (int c = 0; c < 3; c++) {
-        float off = w->rgb[c] - color[c] * on;
-        double weight = (double)(w->weight / (1 + off * off / (COLOR_OUTLIER * COLOR_OUTLIER)));
+        float off = sample->rgb[c] - color[c] * on;
+        double weight = (double)(sample->weight / (1 + off * off / (COLOR_OUTLIER * COLOR_OUTLIER)));
         bright += weight * (double)(color[c] * color[c]);
-        seen += weight * (double)(color[c] * w->rgb[c]);
+        seen += weight * (double)(color[c] * sample->rgb[c]);
     }
-    sh_basis(w->normal, y);
+    sh_basis(sample->normal, y);
     for (int r = 0; r < SH_TERMS; r++) {
         double by = bright * (double)y[r];
         for (int q = 0; q <= r; q++)
-            s->a[r][q] += by * (double)y[q];
-        s->b[r] += seen * (double)y[r];
+            equations->a[r][q] += by * (double)y[q];
+        equations->b[r] += seen * (double)y[r];
     }
-    s->size += bright;
+    equations->size += bright;
 }
 
 static void accumulate_chunk(void *context, int chunk)
 {
-    const struct sh_fit *l = context;
-    const struct vertex_color_builder *m = l->builder;
-    struct sh_equations *s = &l->equations[chunk];
+    const struct sh_fit *fit = context;
+    const struct vertex_color_builder *builder = fit->builder;
+    struct sh_equations *s = &fit->equations[chunk];
     float on[SAMPLES_KEPT], robust_weight[SAMPLES_KEPT], color[3];
     *s = (struct sh_equations){0};
     for (int k = 0; k < SAMPLES_KEPT; k++)
         robust_weight[k] = 1;
-    for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < m->target.surface->point_count; i++) {
-        const struct color_sample *samples = m->samples[i];
-        sample_irradiance(samples, &l->irradiance, on);
+    for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < builder->target.surface->point_count; i++) {
+        const struct color_sample *samples = builder->samples[i];
+        sample_irradiance(samples, &fit->irradiance, on);
         if (!fit_albedo(samples, on, robust_weight, color))
             continue;
         for (int k = 0; k < SAMPLES_KEPT; k++)
@@ -257,18 +258,18 @@ static void accumulate_chunk(void *context, int chunk)
 }
 
 // One iteration: the points' albedo under the irradiance so far, then the irradiance for these albedos.
-static void iterate_sh(struct sh_fit *l)
+static void iterate_sh(struct sh_fit *fit)
 {
     struct sh_equations all = {0};
-    int count = chunk_count(l->builder);
-    parallel_for(l->builder->threads, count, accumulate_chunk, l);
+    int count = chunk_count(fit->builder);
+    parallel_for(fit->builder->threads, count, accumulate_chunk, fit);
     for (int i = 0; i < count; i++) {
         for (int r = 0; r < SH_TERMS; r++) {
             for (int q = 0; q <= r; q++)
-                all.a[r][q] += l->equations[i].a[r][q];
-            all.b[r] += l->equations[i].b[r];
+                all.a[r][q] += fit->equations[i].a[r][q];
+            all.b[r] += fit->equations[i].b[r];
         }
-        all.size += l->equations[i].size;
+        all.size += fit->equations[i].size;
     }
     if (!(all.size > 0))
         return;
@@ -280,7 +281,7 @@ static void iterate_sh(struct sh_fit *l)
     all.b[0] += (double)SH_REGULARIZATION * all.size; // towards constant irradiance
     gauss_solve(&all.a[0][0], SH_TERMS, all.b);
     for (int r = 0; r < SH_TERMS; r++)
-        l->irradiance.term[r] = (float)(all.b[r] / all.b[0]);
+        fit->irradiance.term[r] = (float)(all.b[r] / all.b[0]);
 }
 
 // ---------------------------------------------------------------- result
@@ -292,17 +293,17 @@ struct coloring {
 
 static void color_chunk(void *context, int chunk)
 {
-    const struct coloring *g = context;
-    const struct vertex_color_builder *m = g->builder;
-    struct vertex_colors *out = g->vertex_colors;
+    const struct coloring *coloring = context;
+    const struct vertex_color_builder *builder = coloring->builder;
+    struct vertex_colors *out = coloring->vertex_colors;
     float on[SAMPLES_KEPT];
-    for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < m->target.surface->point_count; i++) {
-        sample_irradiance(m->samples[i], &out->irradiance, on);
-        out->filled[i] = !fit_albedo_robust(m->samples[i], on, out->color[i]);
+    for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < builder->target.surface->point_count; i++) {
+        sample_irradiance(builder->samples[i], &out->irradiance, on);
+        out->filled[i] = !fit_albedo_robust(builder->samples[i], on, out->color[i]);
         float best = 0;
         for (int k = 0; k < SAMPLES_KEPT; k++)
-            if (m->samples[i][k].weight > best)
-                best = m->samples[i][k].weight, out->time_s[i] = m->samples[i][k].time_s;
+            if (builder->samples[i][k].weight > best)
+                best = builder->samples[i][k].weight, out->time_s[i] = builder->samples[i][k].time_s;
     }
 }
 
@@ -331,10 +332,10 @@ enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_col
     return status;
 }
 
-void vertex_colors_free(struct vertex_colors *c)
+void vertex_colors_free(struct vertex_colors *colors)
 {
-    free(c->color);
-    free(c->time_s);
-    free(c->filled);
-    *c = (struct vertex_colors){0};
+    free(colors->color);
+    free(colors->time_s);
+    free(colors->filled);
+    *colors = (struct vertex_colors){0};
 }

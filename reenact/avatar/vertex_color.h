@@ -23,8 +23,8 @@
 enum { SH_TERMS = 9 };
 
 // The series is clamped to this range: it is an extrapolation where no surface ever faced. Chosen by hand.
-#define IRRADIANCE_LEAST 0.4F
-#define IRRADIANCE_MOST  1.6F
+#define IRRADIANCE_MIN 0.4F
+#define IRRADIANCE_MAX 1.6F
 
 struct sh_irradiance {
     float term[SH_TERMS]; // in the order of sh_basis
@@ -53,7 +53,7 @@ struct vertex_color_target {
 // Holds 512 bytes for each of the surface's points. ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status vertex_color_open(struct vertex_color_builder **out, const struct vertex_color_target *target,
                                          const struct calibration *calibration, int threads);
-void vertex_color_close(struct vertex_color_builder **m); // accepts NULL in *m
+void vertex_color_close(struct vertex_color_builder **builder); // accepts NULL in *builder
 
 // One frame's colours, with the model's transforms (colour camera's axes) and deformation in it.
 struct vertex_color_frame {
@@ -64,8 +64,8 @@ struct vertex_color_frame {
     struct pose world_from_camera;
     double time_s;
 };
-void vertex_color_add(struct vertex_color_builder *m, const struct vertex_color_frame *frame);
+void vertex_color_add(struct vertex_color_builder *builder, const struct vertex_color_frame *frame);
 
 // Of all frames added. The caller frees *out with vertex_colors_free. ERR_MEMORY; *out is then empty.
 MUST_CHECK enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_colors *out);
-void vertex_colors_free(struct vertex_colors *c);
+void vertex_colors_free(struct vertex_colors *colors);

@@ -23,7 +23,7 @@ struct actor_motion {
     float (*rotation[BONE_COUNT])[4];    // [count]; x, y, z, w
 };
 
-static void actor_motion_free(struct actor_motion *m);
+static void actor_motion_free(struct actor_motion *motion);
 
 // ---------------------------------------------------------------- actor motion
 
@@ -71,26 +71,26 @@ static double seconds_at(const struct take *take, int64_t frame)
 }
 
 // The bones at a frame, from the bind pose into the world. NOTHING: not known.
-static enum status bones_at_frame(const struct actor_export *a, int64_t frame, struct bone_transforms *out)
+static enum status bones_at_frame(const struct actor_export *export, int64_t frame, struct bone_transforms *out)
 {
     struct track_sample sample;
-    const int64_t since_ns = take_entry(a->take, frame)->time_ns - take_entry(a->take, 0)->time_ns;
-    enum status status = skeleton_track_at(a->track, since_ns, true, &sample);
+    const int64_t since_ns = take_entry(export->take, frame)->time_ns - take_entry(export->take, 0)->time_ns;
+    enum status status = skeleton_track_at(export->track, since_ns, true, &sample);
     if (status == OK && sample.frame != frame)
         status = NOTHING; // without a skeleton of its own
     struct bone_transforms joints;
     if (status == OK)
-        status = bone_transforms_of(&a->avatar->bind_pose, &sample.skeleton, &joints);
+        status = bone_transforms_of(&export->avatar->bind_pose, &sample.skeleton, &joints);
     if (status != OK)
         return status;
-    const struct bone_corrections corrections = avatar_corrections(a->avatar, frame);
+    const struct bone_corrections corrections = avatar_corrections(export->avatar, frame);
     *out = bone_corrections_apply(&joints, &corrections);
     return OK;
 }
 
-static void add_key(struct actor_motion *m, const struct vec3 origin[BONE_COUNT], const struct bone_transforms *at)
+static void add_key(struct actor_motion *motion, const struct vec3 origin[BONE_COUNT], const struct bone_transforms *at)
 {
-    const int key = m->count;
+    const int key = motion->count;
     for (int b = 0; b < BONE_COUNT; b++) {
         const int parent = bone_parent(b);
         const struct pose node = {at->bone[b].rotation, pose_apply(at->bone[b], origin[b])};
@@ -100,10 +100,10 @@ static void add_key(struct actor_motion *m, const struct vec3 origin[BONE_COUNT]
             local = pose_multiply(pose_inverse(above), node);
         }
         const struct quat q = quat_unit(local.rotation);
-        float *rotation = m->rotation[b][key], *translation = m->translation[b][key];
+        float *rotation = motion->rotation[b][key], *translation = motion->translation[b][key];
         float along = 1;
         if (key) {
-            const float *before = m->rotation[b][key - 1];
+            const float *before = motion->rotation[b][key - 1];
             along = (float)q.x * before[0] + (float)q.y * before[1] + (float)q.z * before[2] + (float)q.w * before[3];
         }
         const float sign = along < 0 ? -1 : 1;
@@ -114,32 +114,32 @@ static void add_key(struct actor_motion *m, const struct vec3 origin[BONE_COUNT]
     }
 }
 
-static enum status motion_open(struct actor_motion *m, size_t frames)
+static enum status motion_open(struct actor_motion *motion, size_t frames)
 {
-    *m = (struct actor_motion){.time_s = malloc(frames * sizeof *m->time_s)};
-    bool whole = m->time_s;
+    *motion = (struct actor_motion){.time_s = malloc(frames * sizeof *motion->time_s)};
+    bool whole = motion->time_s;
     for (int b = 0; b < BONE_COUNT; b++) {
-        m->translation[b] = malloc(frames * sizeof *m->translation[b]);
-        m->rotation[b] = malloc(frames * sizeof *m->rotation[b]);
-        whole = whole && m->translation[b] && m->rotation[b];
+        motion->translation[b] = malloc(frames * sizeof *motion->translation[b]);
+        motion->rotation[b] = malloc(frames * sizeof *motion->rotation[b]);
+        whole = whole && motion->translation[b] && motion->rotation[b];
     }
     return whole ? OK : fail(ERR_MEMORY, "no memory for the actor's motion");
 }
 
 // ERR_INPUT, ERR_MEMORY
-static enum status actor_motion_make(struct actor_motion *out, const struct actor_export *a)
+static enum status actor_motion_make(struct actor_motion *out, const struct actor_export *export)
 {
-    const int64_t frames = take_frame_count(a->take);
+    const int64_t frames = take_frame_count(export->take);
     struct vec3 origin[BONE_COUNT];
-    bone_origins(&a->avatar->bind_pose, origin);
+    bone_origins(&export->avatar->bind_pose, origin);
     enum status status = motion_open(out, (size_t)frames);
     for (int64_t i = 0; i < frames && status >= 0; i++) {
         struct bone_transforms at;
-        status = bones_at_frame(a, i, &at);
+        status = bones_at_frame(export, i, &at);
         if (status != OK)
             continue;
         add_key(out, origin, &at);
-        out->time_s[out->count++] = (float)seconds_at(a->take, i);
+        out->time_s[out->count++] = (float)seconds_at(export->take, i);
     }
     if (status >= 0)
         status = out->count ? OK : fail(ERR_INPUT, "the take shows no trunk of a person, so there is no motion");
@@ -148,14 +148,14 @@ static enum status actor_motion_make(struct actor_motion *out, const struct acto
     return status;
 }
 
-static void actor_motion_free(struct actor_motion *m)
+static void actor_motion_free(struct actor_motion *motion)
 {
-    free(m->time_s);
+    free(motion->time_s);
     for (int b = 0; b < BONE_COUNT; b++) {
-        free(m->translation[b]);
-        free(m->rotation[b]);
+        free(motion->translation[b]);
+        free(motion->rotation[b]);
     }
-    *m = (struct actor_motion){0};
+    *motion = (struct actor_motion){0};
 }
 
 // ---------------------------------------------------------------- actor mesh
@@ -226,7 +226,7 @@ static void put_weights(const struct skin_weights *skin, uint8_t joints[WEIGHTS]
         }
 }
 
-static void fill_vertices(const struct vertex_arrays *v, const struct avatar *avatar)
+static void fill_vertices(const struct vertex_arrays *arrays, const struct avatar *avatar)
 {
     const struct texture_atlas *atlas = &avatar->atlas;
     for (int i = 0; i < atlas->mesh.point_count; i++) {
@@ -234,29 +234,29 @@ static void fill_vertices(const struct vertex_arrays *v, const struct avatar *av
         if (!(v3_length(n) > 0))
             n = v3(0, 0, 1);
         for (int k = 0; k < 3; k++) {
-            v->position[i][k] = (float)(&atlas->points[i].x)[k];
-            v->normal[i][k] = (float)(&n.x)[k];
+            arrays->position[i][k] = (float)(&atlas->points[i].x)[k];
+            arrays->normal[i][k] = (float)(&n.x)[k];
         }
-        v->uv[i][0] = atlas->mesh.at[i][0] / (float)atlas->mesh.width;
-        v->uv[i][1] = atlas->mesh.at[i][1] / (float)atlas->mesh.height;
-        put_weights(&avatar->skins[atlas->mesh.points[i]], v->joints[i], v->weights[i]);
+        arrays->uv[i][0] = atlas->mesh.at[i][0] / (float)atlas->mesh.width;
+        arrays->uv[i][1] = atlas->mesh.at[i][1] / (float)atlas->mesh.height;
+        put_weights(&avatar->skins[atlas->mesh.points[i]], arrays->joints[i], arrays->weights[i]);
     }
 }
 
-static void add_vertices(struct glb *g, struct json *attributes, const struct vertex_arrays *v, int n)
+static void add_vertices(struct glb *glb, struct json *attributes, const struct vertex_arrays *arrays, int n)
 {
     const struct glb_layout position = {GLB_FLOAT, 3, n, GLB_VERTICES, true},
                             normal = {GLB_FLOAT, 3, n, GLB_VERTICES, false},
                             uv = {GLB_FLOAT, 2, n, GLB_VERTICES, false}, joints = {GLB_U8, 4, n, GLB_VERTICES, false},
                             weights = {GLB_FLOAT, 4, n, GLB_VERTICES, false};
-    json_add_number(attributes, "POSITION", glb_add_accessor(g, v->position, &position));
-    json_add_number(attributes, "NORMAL", glb_add_accessor(g, v->normal, &normal));
-    json_add_number(attributes, "TEXCOORD_0", glb_add_accessor(g, v->uv, &uv));
-    json_add_number(attributes, "JOINTS_0", glb_add_accessor(g, v->joints, &joints));
-    json_add_number(attributes, "WEIGHTS_0", glb_add_accessor(g, v->weights, &weights));
+    json_add_number(attributes, "POSITION", glb_add_accessor(glb, arrays->position, &position));
+    json_add_number(attributes, "NORMAL", glb_add_accessor(glb, arrays->normal, &normal));
+    json_add_number(attributes, "TEXCOORD_0", glb_add_accessor(glb, arrays->uv, &uv));
+    json_add_number(attributes, "JOINTS_0", glb_add_accessor(glb, arrays->joints, &joints));
+    json_add_number(attributes, "WEIGHTS_0", glb_add_accessor(glb, arrays->weights, &weights));
 }
 
-static enum status add_mesh(struct glb *g, const struct avatar *avatar)
+static enum status add_mesh(struct glb *glb, const struct avatar *avatar)
 {
     const struct uv_mesh *m = &avatar->atlas.mesh;
     const size_t n = (size_t)m->point_count;
@@ -264,12 +264,12 @@ static enum status add_mesh(struct glb *g, const struct avatar *avatar)
                               malloc(n * sizeof *v.weights), malloc(n * sizeof *v.joints)};
     enum status status = OK;
     if (v.position && v.normal && v.uv && v.weights && v.joints) {
-        struct json *mesh = json_add_object(json_add_array(g->root, "meshes"), NULL);
+        struct json *mesh = json_add_object(json_add_array(glb->root, "meshes"), NULL);
         struct json *primitive = json_add_object(json_add_array(mesh, "primitives"), NULL);
         fill_vertices(&v, avatar);
-        add_vertices(g, json_add_object(primitive, "attributes"), &v, m->point_count);
+        add_vertices(glb, json_add_object(primitive, "attributes"), &v, m->point_count);
         const struct glb_layout corners = {GLB_U32, 1, m->corner_count, GLB_INDICES, false};
-        json_add_number(primitive, "indices", glb_add_accessor(g, m->corners, &corners));
+        json_add_number(primitive, "indices", glb_add_accessor(glb, m->corners, &corners));
         json_add_number(primitive, "material", 0);
         json_add_string(mesh, "name", "actor");
     } else {
@@ -283,7 +283,7 @@ static enum status add_mesh(struct glb *g, const struct avatar *avatar)
     return status;
 }
 
-static enum status add_material(struct glb *g, const struct texture_atlas *atlas)
+static enum status add_material(struct glb *glb, const struct texture_atlas *atlas)
 {
     enum { REPEAT_NOT = 33071, LINEAR = 9729 };
     uint8_t *png;
@@ -292,25 +292,25 @@ static enum status add_material(struct glb *g, const struct texture_atlas *atlas
                                     6, &png, &count);
     if (status != OK)
         return status;
-    struct json *image = json_add_object(json_add_array(g->root, "images"), NULL);
-    json_add_number(image, "bufferView", glb_add_view(g, png, count, GLB_NO_TARGET));
+    struct json *image = json_add_object(json_add_array(glb->root, "images"), NULL);
+    json_add_number(image, "bufferView", glb_add_view(glb, png, count, GLB_NO_TARGET));
     json_add_string(image, "mimeType", "image/png");
     free(png);
-    struct json *sampler = json_add_object(json_add_array(g->root, "samplers"), NULL);
+    struct json *sampler = json_add_object(json_add_array(glb->root, "samplers"), NULL);
     json_add_number(sampler, "magFilter", LINEAR);
     json_add_number(sampler, "minFilter", LINEAR); // charts lie two texels apart: coarser levels would mix them
     json_add_number(sampler, "wrapS", REPEAT_NOT);
     json_add_number(sampler, "wrapT", REPEAT_NOT);
-    struct json *texture = json_add_object(json_add_array(g->root, "textures"), NULL);
+    struct json *texture = json_add_object(json_add_array(glb->root, "textures"), NULL);
     json_add_number(texture, "source", 0);
     json_add_number(texture, "sampler", 0);
-    struct json *material = json_add_object(json_add_array(g->root, "materials"), NULL);
+    struct json *material = json_add_object(json_add_array(glb->root, "materials"), NULL);
     struct json *surface = json_add_object(material, "pbrMetallicRoughness");
     json_add_number(json_add_object(surface, "baseColorTexture"), "index", 0);
     json_add_number(surface, "metallicFactor", 0);
     json_add_number(surface, "roughnessFactor", 1);
     json_add_object(json_add_object(material, "extensions"), "KHR_materials_unlit");
-    json_add_string(json_add_array(g->root, "extensionsUsed"), NULL, "KHR_materials_unlit");
+    json_add_string(json_add_array(glb->root, "extensionsUsed"), NULL, "KHR_materials_unlit");
     return OK;
 }
 
@@ -334,31 +334,31 @@ static void add_bone(struct json *nodes, int bone, const struct actor_motion *mo
         }
 }
 
-static void add_scene(struct glb *g, const struct actor_export *a, const struct actor_motion *motion)
+static void add_scene(struct glb *glb, const struct actor_export *export, const struct actor_motion *motion)
 {
     static const float y_up_from_z_up[4] = {-0.70710678F, 0, 0, 0.70710678F};
-    struct json *nodes = json_add_array(g->root, "nodes");
+    struct json *nodes = json_add_array(glb->root, "nodes");
     for (int b = 0; b < BONE_COUNT; b++)
         add_bone(nodes, b, motion);
     struct json *actor = json_add_object(nodes, NULL), *mesh = json_add_object(nodes, NULL);
-    json_add_string(actor, "name", a->name);
+    json_add_string(actor, "name", export->name);
     push_floats(json_add_array(actor, "rotation"), y_up_from_z_up, 4);
     json_push_number(json_add_array(actor, "children"), PART_UPPER_TORSO);
     json_add_string(mesh, "name", "surface");
     json_add_number(mesh, "mesh", 0);
     json_add_number(mesh, "skin", 0);
-    json_add_number(g->root, "scene", 0);
-    struct json *roots = json_add_array(json_add_object(json_add_array(g->root, "scenes"), NULL), "nodes");
+    json_add_number(glb->root, "scene", 0);
+    struct json *roots = json_add_array(json_add_object(json_add_array(glb->root, "scenes"), NULL), "nodes");
     json_push_number(roots, NODE_ACTOR);
     json_push_number(roots, NODE_MESH);
 }
 
-static void add_skin(struct glb *g, const struct bind_pose *bind)
+static void add_skin(struct glb *glb, const struct bind_pose *bind)
 {
     struct vec3 origin[BONE_COUNT];
     float inverse[BONE_COUNT][16]; // column by column
     bone_origins(bind, origin);
-    struct json *skin = json_add_object(json_add_array(g->root, "skins"), NULL);
+    struct json *skin = json_add_object(json_add_array(glb->root, "skins"), NULL);
     struct json *joints = json_add_array(skin, "joints");
     for (int b = 0; b < BONE_COUNT; b++) {
         const struct vec3 o = origin[b];
@@ -369,7 +369,7 @@ static void add_skin(struct glb *g, const struct bind_pose *bind)
     }
     json_add_number(skin, "skeleton", NODE_ACTOR);
     const struct glb_layout layout = {GLB_FLOAT, 16, BONE_COUNT, GLB_NO_TARGET, false};
-    json_add_number(skin, "inverseBindMatrices", glb_add_accessor(g, inverse, &layout));
+    json_add_number(skin, "inverseBindMatrices", glb_add_accessor(glb, inverse, &layout));
 }
 
 static void add_channel(struct json *channels, int sampler, int bone, const char *path)
@@ -389,19 +389,19 @@ static void add_sampler(struct json *samplers, int times, int values)
     json_add_string(sampler, "interpolation", "LINEAR");
 }
 
-static void add_animation(struct glb *g, const struct actor_export *a, const struct actor_motion *m)
+static void add_animation(struct glb *glb, const struct actor_export *export, const struct actor_motion *motion)
 {
-    struct json *animation = json_add_object(json_add_array(g->root, "animations"), NULL);
-    json_add_string(animation, "name", a->name);
+    struct json *animation = json_add_object(json_add_array(glb->root, "animations"), NULL);
+    json_add_string(animation, "name", export->name);
     struct json *samplers = json_add_array(animation, "samplers"), *channels = json_add_array(animation, "channels");
-    const struct glb_layout times = {GLB_FLOAT, 1, m->count, GLB_NO_TARGET, true},
-                            translations = {GLB_FLOAT, 3, m->count, GLB_NO_TARGET, false},
-                            rotations = {GLB_FLOAT, 4, m->count, GLB_NO_TARGET, false};
-    const int at = glb_add_accessor(g, m->time_s, &times);
+    const struct glb_layout times = {GLB_FLOAT, 1, motion->count, GLB_NO_TARGET, true},
+                            translations = {GLB_FLOAT, 3, motion->count, GLB_NO_TARGET, false},
+                            rotations = {GLB_FLOAT, 4, motion->count, GLB_NO_TARGET, false};
+    const int at = glb_add_accessor(glb, motion->time_s, &times);
     for (int b = 0; b < BONE_COUNT; b++) {
-        add_sampler(samplers, at, glb_add_accessor(g, m->translation[b], &translations));
+        add_sampler(samplers, at, glb_add_accessor(glb, motion->translation[b], &translations));
         add_channel(channels, 2 * b, b, "translation");
-        add_sampler(samplers, at, glb_add_accessor(g, m->rotation[b], &rotations));
+        add_sampler(samplers, at, glb_add_accessor(glb, motion->rotation[b], &rotations));
         add_channel(channels, 2 * b + 1, b, "rotation");
     }
 }

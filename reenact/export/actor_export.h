@@ -9,6 +9,7 @@
 #pragma once
 #include "reenact/avatar/avatar.h"
 #include "reenact/skeleton/skeleton_track.h"
+
 #include <stdio.h>
 
 struct actor_export {

@@ -1,8 +1,8 @@
 // The viewer page: viewer.html, embedded at build time, with the title and the model put in.
-#include "reenact/export/actor_export.h"
+#include "reenact/export/viewer_page.h"
 
 #include "base/text.h"
-#include "reenact/export/viewer_page.h"
+#include "reenact/export/actor_export.h"
 
 #include <string.h>
 

@@ -43,34 +43,34 @@ static int pixel_of(const float at[2], const float window[4], int width, int hei
 }
 
 // The frame's colour of a point that it saw frontally, well within a surface; NULL: it did not.
-static const uint8_t *sample_color(const struct exposure_input *in, const struct frame_layer *f,
-                                   const struct frame_layer_point *p)
+static const uint8_t *sample_color(const struct exposure_input *in, const struct frame_layer *layer,
+                                   const struct frame_layer_point *point)
 {
-    const struct depth_frame *s = in->depth_frame;
-    if (p->visibility < MIN_VISIBILITY)
+    const struct depth_frame *frame = in->depth_frame;
+    if (point->visibility < MIN_VISIBILITY)
         return NULL;
-    const int depth = pixel_of(p->depth_uv, f->windows[1], s->width, s->height);
-    const int color = pixel_of(p->color_uv, f->windows[0], in->color->width, in->color->height);
-    if (depth < 0 || color < 0 || !depth_agrees(s, depth, (double)p->depth_m, EXPOSURE_INNER_PX))
+    const int depth = pixel_of(point->depth_uv, layer->windows[1], frame->width, frame->height);
+    const int color = pixel_of(point->color_uv, layer->windows[0], in->color->width, in->color->height);
+    if (depth < 0 || color < 0 || !depth_agrees(frame, depth, (double)point->depth_m, EXPOSURE_INNER_PX))
         return NULL;
     return in->rgb + 3 * (size_t)color;
 }
 
-// f: its points' positions, visibility and irradiance, the last before any gain. Returns the gain of gamma-encoded
+// layer: its points' positions, visibility and irradiance, the last before any gain. Returns the gain of gamma-encoded
 // colours (square roots of linear ones), in [1/1.4, 1.4]; near 1 where too little is seen.
-static float exposure_estimate(const struct exposure_input *in, const struct frame_layer *f)
+static float exposure_estimate(const struct exposure_input *in, const struct frame_layer *layer)
 {
     const struct vertex_colors *vertex_colors = &in->avatar->vertex_colors;
     const int32_t *points = in->avatar->atlas.mesh.points;
     double gain = 1;
     for (int pass = 0; pass < PASSES; pass++) {
         double shown_known = PRIOR, known_known = PRIOR;
-        for (int i = 0; i < f->point_count; i++) {
-            const uint8_t *rgb = vertex_colors->filled[points[i]] ? NULL : sample_color(in, f, &f->points[i]);
+        for (int i = 0; i < layer->point_count; i++) {
+            const uint8_t *rgb = vertex_colors->filled[points[i]] ? NULL : sample_color(in, layer, &layer->points[i]);
             double shown[3], known[3], residual2 = 0;
             for (int c = 0; c < 3 && rgb; c++) {
                 shown[c] = rgb[c] / 255.0;
-                known[c] = (double)(sqrtf(vertex_colors->color[points[i]][c]) * f->points[i].irradiance);
+                known[c] = (double)(sqrtf(vertex_colors->color[points[i]][c]) * layer->points[i].irradiance);
                 residual2 += (shown[c] - gain * known[c]) * (shown[c] - gain * known[c]);
             }
             const double weight = 1 / (1 + residual2 / (OUTLIER_SCALE * OUTLIER_SCALE));
@@ -96,13 +96,13 @@ struct depth_triangle {
 };
 
 // False: it is seen edge-on, and nothing can be said of its inside.
-static bool project_triangle(const struct frame_layer *f, const int32_t *corners, struct depth_triangle *out)
+static bool project_triangle(const struct frame_layer *layer, const int32_t *corners, struct depth_triangle *out)
 {
     double edges[2][3]; // from its first corner to the others: x, y in texels, depth in metres
     for (int k = 0; k < 3; k++) {
-        const struct frame_layer_point *p = &f->points[corners[k]];
-        out->at[k][0] = (double)p->depth_uv[0] * f->depth.width;
-        out->at[k][1] = (double)p->depth_uv[1] * f->depth.height;
+        const struct frame_layer_point *p = &layer->points[corners[k]];
+        out->at[k][0] = (double)p->depth_uv[0] * layer->depth.width;
+        out->at[k][1] = (double)p->depth_uv[1] * layer->depth.height;
         if (k == 0) {
             out->depth_m = (double)p->depth_m;
             continue;
@@ -120,11 +120,11 @@ static bool project_triangle(const struct frame_layer *f, const int32_t *corners
 }
 
 // Whether the triangle may overlap a texel's square, which lies outside none of its edges.
-static bool texel_overlaps(const struct depth_triangle *l, int x, int y)
+static bool texel_overlaps(const struct depth_triangle *triangle, int x, int y)
 {
     bool all = true;
     for (int k = 0; k < 3; k++) {
-        const double *a = l->at[k], *b = l->at[(k + 1) % 3], *c = l->at[(k + 2) % 3];
+        const double *a = triangle->at[k], *b = triangle->at[(k + 1) % 3], *c = triangle->at[(k + 2) % 3];
         const double across[2] = {a[1] - b[1], b[0] - a[0]};
         const double inwards = across[0] * (c[0] - a[0]) + across[1] * (c[1] - a[1]) > 0 ? 1 : -1;
         const double middle = inwards * (across[0] * (x + 0.5 - a[0]) + across[1] * (y + 0.5 - a[1]));
@@ -134,45 +134,46 @@ static bool texel_overlaps(const struct depth_triangle *l, int x, int y)
 }
 
 // Whether a texel's depth may agree with some of the triangle.
-static bool texel_agrees(const struct frame_layer_image *depth, const struct depth_triangle *l, int x, int y)
+static bool texel_agrees(const struct frame_layer_image *depth, const struct depth_triangle *triangle, int x, int y)
 {
     const uint8_t *texel = depth->pixels + 4 * ((size_t)y * (size_t)depth->width + (size_t)x);
     const double seen_m = (texel[0] * 256 + texel[1]) * 1e-3;
-    const double middle_m = l->depth_m + l->slope[0] * (x + 0.5 - l->at[0][0]) + l->slope[1] * (y + 0.5 - l->at[0][1]);
-    const double reach_m = (0.5 + SLACK_PX) * (fabs(l->slope[0]) + fabs(l->slope[1])) + SLACK_M;
+    const double middle_m = triangle->depth_m + triangle->slope[0] * (x + 0.5 - triangle->at[0][0]) +
+                            triangle->slope[1] * (y + 0.5 - triangle->at[0][1]);
+    const double reach_m = (0.5 + SLACK_PX) * (fabs(triangle->slope[0]) + fabs(triangle->slope[1])) + SLACK_M;
     return texel[2] > 0 && fabs(middle_m - seen_m) - reach_m < DEPTH_TOLERANCE_M;
 }
 
-static bool may_be_visible(const struct frame_layer *f, const int32_t *corners)
+static bool may_be_visible(const struct frame_layer *layer, const int32_t *corners)
 {
     struct depth_triangle l;
     int low[2], high[2];
-    float most = 0;
+    float max = 0;
     for (int k = 0; k < 3; k++)
-        most = fmaxf(most, f->points[corners[k]].visibility);
-    if (!f->has_images || !(most > 0))
+        max = fmaxf(max, layer->points[corners[k]].visibility);
+    if (!layer->has_images || !(max > 0))
         return false;
-    if (!project_triangle(f, corners, &l))
+    if (!project_triangle(layer, corners, &l))
         return true;
     for (int a = 0; a < 2; a++) {
         // Outside the image the texture is clamped to its border, which agrees with nothing.
-        const double last = (a ? f->depth.height : f->depth.width) - 1;
+        const double last = (a ? layer->depth.height : layer->depth.width) - 1;
         low[a] = (int)floor(fmax(fmin(l.at[0][a], fmin(l.at[1][a], l.at[2][a])) - SLACK_PX, 0));
         high[a] = (int)floor(fmin(fmax(l.at[0][a], fmax(l.at[1][a], l.at[2][a])) + SLACK_PX, last));
     }
     for (int y = low[1]; y <= high[1]; y++)
         for (int x = low[0]; x <= high[0]; x++)
-            if (texel_overlaps(&l, x, y) && texel_agrees(&f->depth, &l, x, y))
+            if (texel_overlaps(&l, x, y) && texel_agrees(&layer->depth, &l, x, y))
                 return true;
     return false;
 }
 
-// out: one flag for each of the mesh's triangles. f: its depth image and points are used. Conservative: never false for
-// a triangle of which avatar.frag would take the frame's colour for some pixel.
-static void triangle_visibility_find(const struct uv_mesh *mesh, const struct frame_layer *f, bool *out)
+// out: one flag for each of the mesh's triangles. layer: its depth image and points are used. Conservative: never false
+// for a triangle of which avatar.frag would take the frame's colour for some pixel.
+static void triangle_visibility_find(const struct uv_mesh *mesh, const struct frame_layer *layer, bool *out)
 {
     for (int t = 0; t < mesh->corner_count / 3; t++)
-        out[t] = may_be_visible(f, mesh->corners + 3 * (size_t)t);
+        out[t] = may_be_visible(layer, mesh->corners + 3 * (size_t)t);
 }
 
 // ---------------------------------------------------------------- frame layer
@@ -191,23 +192,27 @@ struct frame_layer_loader {
     uint8_t *rgb; // the frame's cleaned colours
 };
 
-void frame_layer_free(struct frame_layer *f)
+void frame_layer_free(struct frame_layer *layer)
 {
-    free(f->color.pixels);
-    free(f->depth.pixels);
-    free(f->shift);
-    free(f->points);
-    free(f->triangle_visible);
-    *f = (struct frame_layer){0};
+    free(layer->color.pixels);
+    free(layer->depth.pixels);
+    free(layer->shift);
+    free(layer->points);
+    free(layer->triangle_visible);
+    *layer = (struct frame_layer){0};
 }
 
-static size_t texels(const struct frame_layer_image *p) { return (size_t)p->width * (size_t)p->height; }
-
-size_t frame_layer_bytes(const struct frame_layer *f)
+static size_t texel_count(const struct frame_layer_image *image)
 {
-    const size_t bytes_per_point = sizeof *f->shift + sizeof *f->points;
-    return 4 * (texels(&f->color) + texels(&f->depth)) + bytes_per_point * (size_t)f->point_count +
-           sizeof *f->triangle_visible * (size_t)f->triangle_count;
+    return (size_t)image->width * (size_t)image->height;
+}
+
+size_t frame_layer_bytes(const struct frame_layer *layer)
+{
+    const size_t bytes_per_point = sizeof *layer->shift + sizeof *layer->points;
+    return 4 * (texel_count(&layer->color) + texel_count(&layer->depth)) +
+           bytes_per_point * (size_t)layer->point_count +
+           sizeof *layer->triangle_visible * (size_t)layer->triangle_count;
 }
 
 enum status frame_layer_loader_open(struct frame_layer_loader **out, const struct frame_source *source,
@@ -244,11 +249,11 @@ void frame_layer_loader_close(struct frame_layer_loader **out)
 }
 
 // Allocates an image of that size, zeroed.
-static enum status alloc_image(struct frame_layer_image *p, int width, int height, int bytes_per_pixel)
+static enum status alloc_image(struct frame_layer_image *image, int width, int height, int bytes_per_pixel)
 {
-    p->width = width, p->height = height;
-    p->pixels = calloc(texels(p), (size_t)bytes_per_pixel);
-    return p->pixels ? OK : fail(ERR_MEMORY, "no memory for a frame layer");
+    image->width = width, image->height = height;
+    image->pixels = calloc(texel_count(image), (size_t)bytes_per_pixel);
+    return image->pixels ? OK : fail(ERR_MEMORY, "no memory for a frame layer");
 }
 
 // The smallest side no smaller than that which is no power of two: Mesa's software renderer compiles a program again
@@ -260,26 +265,26 @@ static int avoid_power_of_two(int side)
     return side;
 }
 
-static void set_window(float window[4], int left, int top, const struct frame_layer_image *p)
+static void set_window(float window[4], int left, int top, const struct frame_layer_image *image)
 {
-    window[0] = (float)left, window[1] = (float)top, window[2] = (float)p->width, window[3] = (float)p->height;
+    window[0] = (float)left, window[1] = (float)top, window[2] = (float)image->width, window[3] = (float)image->height;
 }
 
 // Crops depth to the actor's bounds and at least one more pixel on every side, which stays 0.
-static enum status crop_depth(const struct depth_frame *s, struct frame_layer *out)
+static enum status crop_depth(const struct depth_frame *frame, struct frame_layer *out)
 {
-    struct frame_layer_image *p = &out->depth;
-    int left = s->left - 1, top = s->top - 1;
+    struct frame_layer_image *image = &out->depth;
+    int left = frame->left - 1, top = frame->top - 1;
     enum status status =
-        alloc_image(p, avoid_power_of_two(s->right - left + 2), avoid_power_of_two(s->bottom - top + 2), 4);
-    set_window(out->windows[1], left, top, p);
-    for (int y = s->top; y <= s->bottom && status == OK; y++)
-        for (int x = s->left; x <= s->right; x++) {
-            int at = y * s->width + x;
-            uint8_t *texel = p->pixels + 4 * ((size_t)(y - top) * (size_t)p->width + (size_t)(x - left));
-            int inner = s->part[at] < PART_COUNT ? s->edge_distance[at] : 0;
+        alloc_image(image, avoid_power_of_two(frame->right - left + 2), avoid_power_of_two(frame->bottom - top + 2), 4);
+    set_window(out->windows[1], left, top, image);
+    for (int y = frame->top; y <= frame->bottom && status == OK; y++)
+        for (int x = frame->left; x <= frame->right; x++) {
+            int at = y * frame->width + x;
+            uint8_t *texel = image->pixels + 4 * ((size_t)(y - top) * (size_t)image->width + (size_t)(x - left));
+            int inner = frame->part[at] < PART_COUNT ? frame->edge_distance[at] : 0;
             inner = inner > INNER_PX ? INNER_PX : inner;
-            const int depth_mm = inner ? depth_frame_median_mm(s, at) : s->depth[at];
+            const int depth_mm = inner ? depth_frame_median_mm(frame, at) : frame->depth[at];
             texel[0] = (uint8_t)(depth_mm >> 8);
             texel[1] = (uint8_t)(depth_mm & 255);
             texel[2] = (uint8_t)(255 * inner / INNER_PX);
@@ -295,21 +300,21 @@ static void crop_side(int first, int last, int all, int *start, int *length)
     *start = first + *length <= all ? first : all - *length;
 }
 
-static enum status crop_color(const struct frame_layer_loader *l, struct frame_layer *out)
+static enum status crop_color(const struct frame_layer_loader *loader, struct frame_layer *out)
 {
-    const struct calibration *c = take_calibration(l->take);
-    const struct depth_frame *s = &l->depth_frame;
-    struct frame_layer_image *p = &out->color;
+    const struct calibration *c = take_calibration(loader->take);
+    const struct depth_frame *frame = &loader->depth_frame;
+    struct frame_layer_image *image = &out->color;
     int left = 0, top = 0, width = c->color.width, height = c->color.height;
-    if (c->registered && width == s->width && height == s->height) {
-        crop_side(s->left, s->right, s->width, &left, &width);
-        crop_side(s->top, s->bottom, s->height, &top, &height);
+    if (c->registered && width == frame->width && height == frame->height) {
+        crop_side(frame->left, frame->right, frame->width, &left, &width);
+        crop_side(frame->top, frame->bottom, frame->height, &top, &height);
     }
-    enum status status = alloc_image(p, width, height, 3);
-    set_window(out->windows[0], left, top, p);
+    enum status status = alloc_image(image, width, height, 3);
+    set_window(out->windows[0], left, top, image);
     for (int y = 0; y < height && status == OK; y++)
-        memcpy(p->pixels + 3 * (size_t)y * (size_t)width,
-               l->rgb + 3 * ((size_t)(top + y) * (size_t)c->color.width + (size_t)left), 3 * (size_t)width);
+        memcpy(image->pixels + 3 * (size_t)y * (size_t)width,
+               loader->rgb + 3 * ((size_t)(top + y) * (size_t)c->color.width + (size_t)left), 3 * (size_t)width);
     return status;
 }
 
@@ -340,12 +345,12 @@ static void project_to_window(const struct lens *lens, double largest_r2, struct
 }
 
 // transforms: the frame's pose with corrections, colour camera's axes.
-static enum status fill_points(const struct frame_layer_loader *l, const struct bone_transforms *transforms,
+static enum status fill_points(const struct frame_layer_loader *loader, const struct bone_transforms *transforms,
                                struct frame_layer *out)
 {
-    const struct calibration *c = take_calibration(l->take);
-    const struct texture_atlas *a = &l->avatar->atlas;
-    const struct quat world_from_color = take_entry(l->take, out->frame)->world_from_camera.rotation;
+    const struct calibration *c = take_calibration(loader->take);
+    const struct texture_atlas *a = &loader->avatar->atlas;
+    const struct quat world_from_color = take_entry(loader->take, out->frame)->world_from_camera.rotation;
     const struct pose depth_from_color = pose_inverse(c->color_from_depth);
     const double color_r2 = lens_max_radius2(&c->color), depth_r2 = lens_max_radius2(&c->depth);
     out->point_count = a->mesh.point_count;
@@ -355,14 +360,14 @@ static enum status fill_points(const struct frame_layer_loader *l, const struct 
         return fail(ERR_MEMORY, "no memory for a frame layer");
     for (int i = 0; i < out->point_count; i++) {
         struct frame_layer_point *to = &out->points[i];
-        const struct vec3 shift = deformation_at(l->deformation, a->points[i]);
+        const struct vec3 shift = deformation_at(loader->deformation, a->points[i]);
         struct vec3 p, n;
-        linear_blend_skin(&l->avatar->skins[a->mesh.points[i]], transforms, v3_add(a->points[i], shift), a->normals[i],
-                          &p, &n);
+        linear_blend_skin(&loader->avatar->skins[a->mesh.points[i]], transforms, v3_add(a->points[i], shift),
+                          a->normals[i], &p, &n);
         const struct vec3 w = quat_rotate(world_from_color, n), d = pose_apply(depth_from_color, p);
         store_vec3(out->shift[i], shift);
         store_vec3(to->normal, n);
-        to->irradiance = sqrtf(sh_irradiance_at(&l->avatar->vertex_colors.irradiance,
+        to->irradiance = sqrtf(sh_irradiance_at(&loader->avatar->vertex_colors.irradiance,
                                                 (const float[3]){(float)w.x, (float)w.y, (float)w.z}));
         if (!out->has_images || p.z < NEAR_PLANE_M || d.z < NEAR_PLANE_M)
             continue;
@@ -374,17 +379,18 @@ static enum status fill_points(const struct frame_layer_loader *l, const struct 
     return OK;
 }
 
-static void fill_exposure(const struct frame_layer_loader *l, struct frame_layer *out)
+static void fill_exposure(const struct frame_layer_loader *loader, struct frame_layer *out)
 {
-    const struct exposure_input input = {l->avatar, &l->depth_frame, &take_calibration(l->take)->color, l->rgb};
+    const struct exposure_input input = {loader->avatar, &loader->depth_frame, &take_calibration(loader->take)->color,
+                                         loader->rgb};
     out->exposure_gain = out->has_images ? exposure_estimate(&input, out) : 1;
     for (int i = 0; i < out->point_count; i++)
         out->points[i].irradiance *= out->exposure_gain;
 }
 
-static enum status fill_triangle_visibility(const struct frame_layer_loader *l, struct frame_layer *out)
+static enum status fill_triangle_visibility(const struct frame_layer_loader *loader, struct frame_layer *out)
 {
-    const struct uv_mesh *m = &l->avatar->atlas.mesh;
+    const struct uv_mesh *m = &loader->avatar->atlas.mesh;
     out->triangle_count = m->corner_count / 3;
     out->triangle_visible = malloc(sizeof *out->triangle_visible * (size_t)out->triangle_count);
     if (!out->triangle_visible)
@@ -394,50 +400,51 @@ static enum status fill_triangle_visibility(const struct frame_layer_loader *l, 
 }
 
 // Registers the avatar to the depth frame and deforms it.
-static void fit_avatar(struct frame_layer_loader *l, const struct bone_transforms *joints, struct frame_layer *out)
+static void fit_avatar(struct frame_layer_loader *loader, const struct bone_transforms *joints, struct frame_layer *out)
 {
-    const struct avatar *k = l->avatar;
-    const struct icp_input from = {*joints, k->joint_errors, out->corrections, true};
-    out->corrections = articulated_icp(k->tsdf, &l->depth_frame, &from, NULL);
+    const struct avatar *avatar = loader->avatar;
+    const struct icp_input from = {*joints, avatar->joint_errors, out->corrections, true};
+    out->corrections = articulated_icp(avatar->tsdf, &loader->depth_frame, &from, NULL);
     struct bone_transforms fitted = bone_corrections_apply(joints, &out->corrections);
-    const struct deformation_model model = {k->tsdf, &k->surface, k->skins};
-    const struct deformation_colors colors = {.albedo = (const float(*)[3])k->vertex_colors.color,
-                                              .filled = k->vertex_colors.filled,
-                                              .irradiance = &k->vertex_colors.irradiance,
-                                              .rgb = l->rgb,
-                                              .calibration = take_calibration(l->take),
+    const struct deformation_model model = {avatar->tsdf, &avatar->surface, avatar->skins};
+    const struct deformation_colors colors = {.albedo = (const float(*)[3])avatar->vertex_colors.color,
+                                              .filled = avatar->vertex_colors.filled,
+                                              .irradiance = &avatar->vertex_colors.irradiance,
+                                              .rgb = loader->rgb,
+                                              .calibration = take_calibration(loader->take),
                                               .world_from_color =
-                                                  take_entry(l->take, out->frame)->world_from_camera.rotation};
-    deformation_fit(l->deformation, &model, &l->depth_frame, &fitted, out->has_images ? &colors : NULL);
+                                                  take_entry(loader->take, out->frame)->world_from_camera.rotation};
+    deformation_fit(loader->deformation, &model, &loader->depth_frame, &fitted, out->has_images ? &colors : NULL);
 }
 
 // Reads the frame's row, once, and fits the avatar, which is in `joints`, to it. NOTHING: it does not show the actor.
-static enum status read_frame(struct frame_layer_loader *l, const struct bone_transforms *joints,
+static enum status read_frame(struct frame_layer_loader *loader, const struct bone_transforms *joints,
                               struct frame_layer *out)
 {
-    const struct take_entry *e = take_entry(l->take, out->frame);
+    const struct take_entry *e = take_entry(loader->take, out->frame);
     struct take_images images;
     if (!e->has_depth || !e->has_skeleton)
         return NOTHING;
-    enum status status = take_read(l->take, out->frame, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images);
+    enum status status = take_read(loader->take, out->frame, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images);
     if (status != OK)
         return status == ERR_CORRUPT ? NOTHING : status; // a damaged frame costs itself alone
-    depth_frame_label(&l->depth_frame, &images, take_skeletons_at(l->skeletons, out->frame));
-    out->has_images = images.color && l->depth_frame.left <= l->depth_frame.right;
+    depth_frame_label(&loader->depth_frame, &images, take_skeletons_at(loader->skeletons, out->frame));
+    out->has_images = images.color && loader->depth_frame.left <= loader->depth_frame.right;
     if (out->has_images)
-        status = depth_frame_clean_colors(&l->depth_frame, take_calibration(l->take), images.color, l->rgb);
+        status =
+            depth_frame_clean_colors(&loader->depth_frame, take_calibration(loader->take), images.color, loader->rgb);
     if (status != OK)
         return status;
-    fit_avatar(l, joints, out);
+    fit_avatar(loader, joints, out);
     return out->has_images ? OK : NOTHING;
 }
 
-static enum status crop(const struct frame_layer_loader *l, struct frame_layer *out)
+static enum status crop_images(const struct frame_layer_loader *loader, struct frame_layer *out)
 {
     if (!out->has_images)
         return make_empty_images(out);
-    enum status status = crop_depth(&l->depth_frame, out);
-    return status == OK ? crop_color(l, out) : status;
+    enum status status = crop_depth(&loader->depth_frame, out);
+    return status == OK ? crop_color(loader, out) : status;
 }
 
 enum status frame_layer_loader_load(struct frame_layer_loader *l, int64_t frame, struct frame_layer *out)
@@ -451,7 +458,7 @@ enum status frame_layer_loader_load(struct frame_layer_loader *l, int64_t frame,
     if (posed)
         status = read_frame(l, &joints, out);
     if (status >= 0)
-        status = crop(l, out);
+        status = crop_images(l, out);
     if (status == OK && posed) {
         joints = bone_corrections_apply(&joints, &out->corrections);
         status = fill_points(l, &joints, out);

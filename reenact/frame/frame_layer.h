@@ -37,8 +37,8 @@ struct frame_layer {
     int point_count, triangle_count;
     bool *triangle_visible; // of each of the mesh's triangles (frame_layer.c); NULL, as points
 };
-void frame_layer_free(struct frame_layer *f);          // zeroed is fine
-size_t frame_layer_bytes(const struct frame_layer *f); // with images as textures of 4 bytes a pixel
+void frame_layer_free(struct frame_layer *layer);          // zeroed is fine
+size_t frame_layer_bytes(const struct frame_layer *layer); // with images as textures of 4 bytes a pixel
 
 struct frame_layer_loader;
 

@@ -17,17 +17,18 @@ int depth_pixel_at(const struct lens *lens, struct vec3 p)
     return x >= 0 && y >= 0 && x < lens->width && y < lens->height ? (int)y * lens->width + (int)x : -1;
 }
 
-bool depth_agrees(const struct depth_frame *s, int pixel, double depth_m, int margin_px)
+bool depth_agrees(const struct depth_frame *frame, int pixel, double depth_m, int margin_px)
 {
-    return s->part[pixel] < PART_COUNT && s->edge_distance[pixel] >= margin_px &&
-           fabs(s->depth[pixel] * 1e-3 - depth_m) <= DEPTH_AGREEMENT_M;
+    return frame->part[pixel] < PART_COUNT && frame->edge_distance[pixel] >= margin_px &&
+           fabs(frame->depth[pixel] * 1e-3 - depth_m) <= DEPTH_AGREEMENT_M;
 }
 
-bool depth_agrees_with_bone(const struct depth_frame *s, const struct lens *lens, struct vec3 p, int bone,
+bool depth_agrees_with_bone(const struct depth_frame *frame, const struct lens *lens, struct vec3 p, int bone,
                             int margin_px)
 {
     const int pixel = depth_pixel_at(lens, p);
-    return pixel >= 0 && depth_agrees(s, pixel, p.z, margin_px) && bones_adjacent(s->part[pixel], (int)bone_part(bone));
+    return pixel >= 0 && depth_agrees(frame, pixel, p.z, margin_px) &&
+           bones_adjacent(frame->part[pixel], (int)bone_part(bone));
 }
 
 // ---------------------------------------------------------------- part label
@@ -50,44 +51,44 @@ struct part_capsules part_capsules_of(const struct skeleton *skeleton, const str
     return b;
 }
 
-uint16_t part_label(const struct part_capsules *b, struct vec3 p, double shared_m, double outside_m)
+uint16_t part_label(const struct part_capsules *capsules, struct vec3 p, double shared_m, double outside_m)
 {
     double gap[PART_COUNT], best = outside_m;
-    for (int i = 0; i < b->count; i++) {
-        struct vec3 d = v3_sub(p, b->from[i]);
-        double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
+    for (int i = 0; i < capsules->count; i++) {
+        struct vec3 d = v3_sub(p, capsules->from[i]);
+        double t = capsules->along2[i] > 0 ? v3_dot(d, capsules->along[i]) / capsules->along2[i] : 0;
         t = clamp_double(t, 0, 1);
-        gap[i] = v3_length(v3_sub(d, v3_scale(b->along[i], t))) - b->radius[i];
+        gap[i] = v3_length(v3_sub(d, v3_scale(capsules->along[i], t))) - capsules->radius[i];
         best = fmin(best, gap[i]);
     }
     if (!(best < outside_m))
         return 0;
     uint16_t parts = PART_LABEL_PERSON;
-    for (int i = 0; i < b->count; i++)
+    for (int i = 0; i < capsules->count; i++)
         if (gap[i] <= best + shared_m)
-            parts |= (uint16_t)(1 << b->part[i]);
+            parts |= (uint16_t)(1 << capsules->part[i]);
     return parts;
 }
 
 // The nearest part, the lowest on a tie; -1: p is more than outside_m outside every part.
-static int part_nearest(const struct part_capsules *b, struct vec3 p, double outside_m)
+static int part_nearest(const struct part_capsules *capsules, struct vec3 p, double outside_m)
 {
     double best = outside_m;
     int nearest = -1;
-    for (int i = 0; i < b->count; i++) {
-        struct vec3 d = v3_sub(p, b->from[i]), from_middle = v3_sub(p, b->middle[i]);
-        double away = best + b->bounding_radius[i];
+    for (int i = 0; i < capsules->count; i++) {
+        struct vec3 d = v3_sub(p, capsules->from[i]), from_middle = v3_sub(p, capsules->middle[i]);
+        double away = best + capsules->bounding_radius[i];
         if (v3_dot(from_middle, from_middle) > away * away)
             continue; // the bounding ball is farther than the nearest part
-        double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
+        double t = capsules->along2[i] > 0 ? v3_dot(d, capsules->along[i]) / capsules->along2[i] : 0;
         t = clamp_double(t, 0, 1);
-        d = v3_sub(d, v3_scale(b->along[i], t));
-        double away2 = v3_dot(d, d), reach = best + b->radius[i];
+        d = v3_sub(d, v3_scale(capsules->along[i], t));
+        double away2 = v3_dot(d, d), reach = best + capsules->radius[i];
         if (!(reach > 0) || away2 > reach * reach)
             continue; // farther than the nearest part, found without a square root
-        double gap = sqrt(away2) - b->radius[i];
+        double gap = sqrt(away2) - capsules->radius[i];
         if (gap < best)
-            best = gap, nearest = (int)b->part[i];
+            best = gap, nearest = (int)capsules->part[i];
     }
     return nearest;
 }
@@ -134,19 +135,19 @@ enum status source_rays_open(struct source_rays **out, const struct calibration 
     return OK;
 }
 
-void source_rays_close(struct source_rays **r)
+void source_rays_close(struct source_rays **rays)
 {
-    free(*r);
-    *r = NULL;
+    free(*rays);
+    *rays = NULL;
 }
 
-int source_rays_count(const struct source_rays *r) { return r->count; }
+int source_rays_count(const struct source_rays *rays) { return rays->count; }
 
-struct vec3 source_rays_point(const struct source_rays *r, int i, uint16_t depth_mm)
+struct vec3 source_rays_point(const struct source_rays *rays, int i, uint16_t depth_mm)
 {
     double z = depth_mm * 1e-3;
-    struct vec3 p = v3(r->xy[i][0] * z, r->xy[i][1] * z, z);
-    return r->same_axes ? p : pose_apply(r->color_from_depth, p);
+    struct vec3 p = v3(rays->xy[i][0] * z, rays->xy[i][1] * z, z);
+    return rays->same_axes ? p : pose_apply(rays->color_from_depth, p);
 }
 
 // ---------------------------------------------------------------- depth frame
@@ -180,148 +181,148 @@ enum status depth_frame_open(struct depth_frame *out, const struct take *take, c
     return fail(ERR_MEMORY, "no memory for a depth frame");
 }
 
-void depth_frame_close(struct depth_frame *s)
+void depth_frame_close(struct depth_frame *frame)
 {
-    free(s->depth);
-    free(s->part);
-    free(s->edge_distance);
-    free(s->half_width);
-    *s = (struct depth_frame){0};
+    free(frame->depth);
+    free(frame->part);
+    free(frame->edge_distance);
+    free(frame->half_width);
+    *frame = (struct depth_frame){0};
 }
 
 // Bounds of the actor's pixels within the current bounds.
-static void find_bounds(struct depth_frame *s)
+static void find_bounds(struct depth_frame *frame)
 {
-    int top = s->top, bottom = s->bottom, left = s->left, right = s->right;
-    s->left = s->width, s->top = s->height, s->right = s->bottom = -1;
+    int top = frame->top, bottom = frame->bottom, left = frame->left, right = frame->right;
+    frame->left = frame->width, frame->top = frame->height, frame->right = frame->bottom = -1;
     for (int y = top; y <= bottom; y++)
         for (int x = left; x <= right; x++)
-            if (s->part[y * s->width + x] < PART_COUNT) {
-                s->left = x < s->left ? x : s->left, s->right = x > s->right ? x : s->right;
-                s->top = y < s->top ? y : s->top, s->bottom = y > s->bottom ? y : s->bottom;
+            if (frame->part[y * frame->width + x] < PART_COUNT) {
+                frame->left = x < frame->left ? x : frame->left, frame->right = x > frame->right ? x : frame->right;
+                frame->top = y < frame->top ? y : frame->top, frame->bottom = y > frame->bottom ? y : frame->bottom;
             }
 }
 
 // The window never leaves the image: no pixel of the image's border is the actor's (part_pixel_on_surface).
-int depth_frame_median_mm(const struct depth_frame *s, int i)
+int depth_frame_median_mm(const struct depth_frame *frame, int i)
 {
     int samples[9], count = 0;
-    for (int dy = -s->width; dy <= s->width; dy += s->width)
+    for (int dy = -frame->width; dy <= frame->width; dy += frame->width)
         for (int dx = -1; dx <= 1; dx++) {
-            if (s->part[i + dy + dx] >= PART_COUNT)
+            if (frame->part[i + dy + dx] >= PART_COUNT)
                 continue;
             int k = count++;
-            for (; k > 0 && samples[k - 1] > s->depth[i + dy + dx]; k--)
+            for (; k > 0 && samples[k - 1] > frame->depth[i + dy + dx]; k--)
                 samples[k] = samples[k - 1];
-            samples[k] = s->depth[i + dy + dx];
+            samples[k] = frame->depth[i + dy + dx];
         }
     return (samples[(count - 1) / 2] + samples[count / 2]) / 2;
 }
 
 // Whether two neighbouring pixels lie on one surface. A step larger than any noise is an edge; a smaller one is an edge
 // only if the medians confirm it.
-static bool same_surface(const struct depth_frame *s, int a, int b)
+static bool same_surface(const struct depth_frame *frame, int a, int b)
 {
-    const bool is_actor = s->part[a] < PART_COUNT;
-    if (is_actor != (s->part[b] < PART_COUNT))
+    const bool is_actor = frame->part[a] < PART_COUNT;
+    if (is_actor != (frame->part[b] < PART_COUNT))
         return false;
     if (!is_actor)
         return true;
-    const int step_mm = depth_step_mm(s->depth[a]), most_mm = step_mm > SURFACE_MM ? step_mm : SURFACE_MM;
-    const int apart_mm = abs(s->depth[a] - s->depth[b]);
-    return apart_mm <= most_mm || (apart_mm <= NOISE_STEPS * step_mm &&
-                                   abs(depth_frame_median_mm(s, a) - depth_frame_median_mm(s, b)) <= most_mm);
+    const int step_mm = depth_step_mm(frame->depth[a]), max_mm = step_mm > SURFACE_MM ? step_mm : SURFACE_MM;
+    const int apart_mm = abs(frame->depth[a] - frame->depth[b]);
+    return apart_mm <= max_mm || (apart_mm <= NOISE_STEPS * step_mm &&
+                                  abs(depth_frame_median_mm(frame, a) - depth_frame_median_mm(frame, b)) <= max_mm);
 }
 
 // Distance transform step: at most the neighbour's distance and one; 0 for both pixels between two surfaces.
-static inline void relax_edge(struct depth_frame *s, int i, int from)
+static inline void relax_edge(struct depth_frame *frame, int i, int from)
 {
-    if (same_surface(s, i, from)) {
-        int far = s->edge_distance[from] + 1;
-        s->edge_distance[i] = (uint8_t)(far < s->edge_distance[i] ? far : s->edge_distance[i]);
+    if (same_surface(frame, i, from)) {
+        int far = frame->edge_distance[from] + 1;
+        frame->edge_distance[i] = (uint8_t)(far < frame->edge_distance[i] ? far : frame->edge_distance[i]);
     } else {
-        s->edge_distance[i] = s->edge_distance[from] = 0;
+        frame->edge_distance[i] = frame->edge_distance[from] = 0;
     }
 }
 
 // City-block distance transform in two passes (Rosenfeld and Pfaltz 1966), no farther from the actor's bounds than the
 // distance that is distinguished.
-static void find_edge_distances(struct depth_frame *s)
+static void find_edge_distances(struct depth_frame *frame)
 {
-    const int w = s->width, h = s->height, most = s->max_edge_distance;
-    int left = s->left > most ? s->left - most : 0;
-    int top = s->top > most ? s->top - most : 0;
-    int right = s->right + most < w ? s->right + most : w - 1;
-    int bottom = s->bottom + most < h ? s->bottom + most : h - 1;
-    memset(s->edge_distance, most, (size_t)w * (size_t)h);
+    const int w = frame->width, h = frame->height, max = frame->max_edge_distance;
+    int left = frame->left > max ? frame->left - max : 0;
+    int top = frame->top > max ? frame->top - max : 0;
+    int right = frame->right + max < w ? frame->right + max : w - 1;
+    int bottom = frame->bottom + max < h ? frame->bottom + max : h - 1;
+    memset(frame->edge_distance, max, (size_t)w * (size_t)h);
     for (int y = top; y <= bottom; y++)
         for (int x = left; x <= right; x++) {
             if (x > left)
-                relax_edge(s, y * w + x, y * w + x - 1);
+                relax_edge(frame, y * w + x, y * w + x - 1);
             if (y > top)
-                relax_edge(s, y * w + x, y * w + x - w);
+                relax_edge(frame, y * w + x, y * w + x - w);
         }
     for (int y = bottom; y >= top; y--)
         for (int x = right; x >= left; x--) {
             if (x < right)
-                relax_edge(s, y * w + x, y * w + x + 1);
+                relax_edge(frame, y * w + x, y * w + x + 1);
             if (y < bottom)
-                relax_edge(s, y * w + x, y * w + x + w);
+                relax_edge(frame, y * w + x, y * w + x + w);
         }
 }
 
 // Lowers half_width to half the length of each run of one surface along a line of pixels `step` apart.
-static void find_runs(struct depth_frame *s, int first, int step, int count)
+static void find_runs(struct depth_frame *frame, int first, int step, int count)
 {
     for (int from = 0, to; from < count; from = to) {
-        for (to = from + 1; to < count && same_surface(s, first + (to - 1) * step, first + to * step);)
+        for (to = from + 1; to < count && same_surface(frame, first + (to - 1) * step, first + to * step);)
             to++;
         int half = (to - from) / 2;
         for (int i = from; i < to; i++)
-            if (half < s->half_width[first + i * step])
-                s->half_width[first + i * step] = (uint8_t)half;
+            if (half < frame->half_width[first + i * step])
+                frame->half_width[first + i * step] = (uint8_t)half;
     }
 }
 
-static void find_widths(struct depth_frame *s)
+static void find_widths(struct depth_frame *frame)
 {
-    memset(s->half_width, UINT8_MAX, (size_t)s->width * (size_t)s->height);
-    for (int y = s->top; y <= s->bottom; y++)
-        find_runs(s, y * s->width + s->left, 1, s->right - s->left + 1);
-    for (int x = s->left; x <= s->right; x++)
-        find_runs(s, s->top * s->width + x, s->width, s->bottom - s->top + 1);
+    memset(frame->half_width, UINT8_MAX, (size_t)frame->width * (size_t)frame->height);
+    for (int y = frame->top; y <= frame->bottom; y++)
+        find_runs(frame, y * frame->width + frame->left, 1, frame->right - frame->left + 1);
+    for (int x = frame->left; x <= frame->right; x++)
+        find_runs(frame, frame->top * frame->width + x, frame->width, frame->bottom - frame->top + 1);
 }
 
 // The sensor's projector stands beside its lens, so the actor shadows a strip of the background along one side. Pixels
 // without a depth sample there take the depth of the background beyond.
-static void fill_projector_shadow(struct depth_frame *s, double fx)
+static void fill_projector_shadow(struct depth_frame *frame, double fx)
 {
-    for (int y = s->top; y <= s->bottom; y++) {
-        const int row = y * s->width;
-        for (int x = 0, last = -1; x < s->width; x++) { // last: the last pixel with a depth sample
-            if (!s->depth[row + x])
+    for (int y = frame->top; y <= frame->bottom; y++) {
+        const int row = y * frame->width;
+        for (int x = 0, last = -1; x < frame->width; x++) { // last: the last pixel with a depth sample
+            if (!frame->depth[row + x])
                 continue;
             const int from = last;
             last = x;
             if (from < 0 || from + 1 == x ||
-                (s->part[row + from] == DEPTH_FRAME_BACKGROUND) == (s->part[row + x] == DEPTH_FRAME_BACKGROUND))
+                (frame->part[row + from] == DEPTH_FRAME_BACKGROUND) == (frame->part[row + x] == DEPTH_FRAME_BACKGROUND))
                 continue;
-            const bool background_first = s->part[row + from] == DEPTH_FRAME_BACKGROUND;
-            const uint16_t background = s->depth[row + (background_first ? from : x)];
-            const uint16_t actor = s->depth[row + (background_first ? x : from)];
+            const bool background_first = frame->part[row + from] == DEPTH_FRAME_BACKGROUND;
+            const uint16_t background = frame->depth[row + (background_first ? from : x)];
+            const uint16_t actor = frame->depth[row + (background_first ? x : from)];
             const double wide = fx * PROJECTOR_BASELINE_M * 1000 * (1.0 / actor - 1.0 / background);
             for (int i = row + from + 1; i < row + x && x - from - 1 <= wide + SHADOW_SLACK_PX; i++)
-                if (s->part[i] == DEPTH_FRAME_BACKGROUND)
-                    s->depth[i] = background;
+                if (frame->part[i] == DEPTH_FRAME_BACKGROUND)
+                    frame->depth[i] = background;
         }
     }
 }
 
 // Labels every pixel of the actor UNASSIGNED, until depth_frame_relabel, or DEPTH_FRAME_MIXED, all others background.
-static void find_actor_pixels(struct depth_frame *s, const struct take_images *images)
+static void find_actor_pixels(struct depth_frame *frame, const struct take_images *images)
 {
-    const int count = s->width * s->height;
-    memset(s->part, DEPTH_FRAME_BACKGROUND, (size_t)count);
+    const int count = frame->width * frame->height;
+    memset(frame->part, DEPTH_FRAME_BACKGROUND, (size_t)count);
     const uint8_t *mask = images->mask, *end = mask ? mask + count : NULL;
     for (int i = 0; i < count; i++) {
         if (mask && !mask[i]) { // most of an image: on to the next pixel of the mask
@@ -330,23 +331,23 @@ static void find_actor_pixels(struct depth_frame *s, const struct take_images *i
                 break;
             i = (int)(next - mask);
         }
-        s->part[i] =
-            part_pixel_on_surface(images->depth, mask, s->width, s->height, i) ? UNASSIGNED : DEPTH_FRAME_MIXED;
+        frame->part[i] =
+            part_pixel_on_surface(images->depth, mask, frame->width, frame->height, i) ? UNASSIGNED : DEPTH_FRAME_MIXED;
     }
 }
 
-void depth_frame_label(struct depth_frame *s, const struct take_images *images, const struct skeleton *joints)
+void depth_frame_label(struct depth_frame *frame, const struct take_images *images, const struct skeleton *joints)
 {
-    memcpy(s->depth, images->depth, sizeof(uint16_t) * (size_t)s->width * (size_t)s->height);
-    s->has_mask = images->mask != NULL;
-    find_actor_pixels(s, images);
-    s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
-    find_bounds(s);
-    depth_frame_relabel(s, joints);
-    find_bounds(s);
-    fill_projector_shadow(s, s->fx);
-    find_edge_distances(s);
-    find_widths(s);
+    memcpy(frame->depth, images->depth, sizeof(uint16_t) * (size_t)frame->width * (size_t)frame->height);
+    frame->has_mask = images->mask != NULL;
+    find_actor_pixels(frame, images);
+    frame->left = frame->top = 0, frame->right = frame->width - 1, frame->bottom = frame->height - 1;
+    find_bounds(frame);
+    depth_frame_relabel(frame, joints);
+    find_bounds(frame);
+    fill_projector_shadow(frame, frame->fx);
+    find_edge_distances(frame);
+    find_widths(frame);
 }
 
 enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t frame)
@@ -363,27 +364,27 @@ enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t f
     return OK;
 }
 
-int depth_frame_step_inside(const struct depth_frame *s, int i, int step)
+int depth_frame_step_inside(const struct depth_frame *frame, int i, int step)
 {
     int inside = i + step;
-    for (int k = 1; k < DEPTH_FRAME_INWARD_PX && s->part[inside] == DEPTH_FRAME_MIXED; k++)
+    for (int k = 1; k < DEPTH_FRAME_INWARD_PX && frame->part[inside] == DEPTH_FRAME_MIXED; k++)
         inside += step;
-    return s->part[inside] < PART_COUNT && s->depth[i] >= s->depth[inside] + BACKGROUND_MM ? inside : -1;
+    return frame->part[inside] < PART_COUNT && frame->depth[i] >= frame->depth[inside] + BACKGROUND_MM ? inside : -1;
 }
 
-void depth_frame_relabel(struct depth_frame *s, const struct skeleton *skeleton)
+void depth_frame_relabel(struct depth_frame *frame, const struct skeleton *skeleton)
 {
-    struct part_capsules bones = part_capsules_of(skeleton, s->body);
-    double outside = part_max_distance_m(s->has_mask);
+    struct part_capsules bones = part_capsules_of(skeleton, frame->body);
+    double outside = part_max_distance_m(frame->has_mask);
     const uint8_t unlabelled =
-        s->has_mask ? DEPTH_FRAME_MIXED : DEPTH_FRAME_BACKGROUND; // a mask is trusted more than the joints
-    for (int y = s->top; y <= s->bottom; y++)
-        for (int x = s->left; x <= s->right; x++) {
-            int i = y * s->width + x;
-            if (s->part[i] >= PART_COUNT)
+        frame->has_mask ? DEPTH_FRAME_MIXED : DEPTH_FRAME_BACKGROUND; // a mask is trusted more than the joints
+    for (int y = frame->top; y <= frame->bottom; y++)
+        for (int x = frame->left; x <= frame->right; x++) {
+            int i = y * frame->width + x;
+            if (frame->part[i] >= PART_COUNT)
                 continue;
-            int part = part_nearest(&bones, source_rays_point(s->rays, i, s->depth[i]), outside);
-            s->part[i] = part < 0 ? unlabelled : (uint8_t)part;
+            int part = part_nearest(&bones, source_rays_point(frame->rays, i, frame->depth[i]), outside);
+            frame->part[i] = part < 0 ? unlabelled : (uint8_t)part;
         }
 }
 
@@ -408,22 +409,23 @@ struct actor_box {
     int left, top, w, h;
 };
 
-static struct actor_box padded_actor_box(const struct depth_frame *s)
+static struct actor_box padded_actor_box(const struct depth_frame *frame)
 {
-    int left = s->left > 0 ? s->left - 1 : 0, top = s->top > 0 ? s->top - 1 : 0;
-    int right = s->right + 1 < s->width ? s->right + 1 : s->right;
-    int bottom = s->bottom + 1 < s->height ? s->bottom + 1 : s->bottom;
+    int left = frame->left > 0 ? frame->left - 1 : 0, top = frame->top > 0 ? frame->top - 1 : 0;
+    int right = frame->right + 1 < frame->width ? frame->right + 1 : frame->right;
+    int bottom = frame->bottom + 1 < frame->height ? frame->bottom + 1 : frame->bottom;
     return (struct actor_box){left, top, right - left + 1, bottom - top + 1};
 }
 
 // For each pixel of the box the nearest pixel well within a surface, in two passes.
-static void find_interior_pixels(const struct depth_frame *s, const struct actor_box *box, struct interior_pixel *from)
+static void find_interior_pixels(const struct depth_frame *frame, const struct actor_box *box,
+                                 struct interior_pixel *from)
 {
     const int w = box->w, h = box->h;
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
-            int i = y * w + x, at = (box->top + y) * s->width + box->left + x;
-            bool within = s->part[at] < PART_COUNT && s->edge_distance[at] >= INTERIOR_PX;
+            int i = y * w + x, at = (box->top + y) * frame->width + box->left + x;
+            bool within = frame->part[at] < PART_COUNT && frame->edge_distance[at] >= INTERIOR_PX;
             from[i] = within ? (struct interior_pixel){(int16_t)x, (int16_t)y} : (struct interior_pixel){-1, -1};
             if (x > 0)
                 keep_nearer(&from[i], from[i - 1], x, y);
@@ -502,76 +504,77 @@ enum status depth_frame_cache_open(struct depth_frame_cache **out, const struct 
 
 void depth_frame_cache_close(struct depth_frame_cache **out)
 {
-    struct depth_frame_cache *s = *out;
-    if (!s)
+    struct depth_frame_cache *cache = *out;
+    if (!cache)
         return;
-    for (int i = 0; i < s->count && s->windows; i++)
-        free(s->windows[i].bytes);
-    free(s->windows);
-    free(s->frames);
-    free(s);
+    for (int i = 0; i < cache->count && cache->windows; i++)
+        free(cache->windows[i].bytes);
+    free(cache->windows);
+    free(cache->frames);
+    free(cache);
     *out = NULL;
 }
 
-static int at_least(int value, int least) { return value > least ? value : least; }
-static int at_most(int value, int most) { return value < most ? value : most; }
+static int at_least(int value, int min) { return value > min ? value : min; }
+static int at_most(int value, int max) { return value < max ? value : max; }
 
 // The window that is kept: the actor's bounds, and as far about them as edge distances are measured.
-static void set_window(struct cached_window *k, const struct depth_frame *s)
+static void set_window(struct cached_window *window, const struct depth_frame *frame)
 {
-    k->left = at_least(s->left - DEPTH_FRAME_MAX_EDGE_PX, 0);
-    k->top = at_least(s->top - DEPTH_FRAME_MAX_EDGE_PX, 0);
-    k->width = at_most(s->right + DEPTH_FRAME_MAX_EDGE_PX, s->width - 1) + 1 - k->left;
-    k->height = at_most(s->bottom + DEPTH_FRAME_MAX_EDGE_PX, s->height - 1) + 1 - k->top;
+    window->left = at_least(frame->left - DEPTH_FRAME_MAX_EDGE_PX, 0);
+    window->top = at_least(frame->top - DEPTH_FRAME_MAX_EDGE_PX, 0);
+    window->width = at_most(frame->right + DEPTH_FRAME_MAX_EDGE_PX, frame->width - 1) + 1 - window->left;
+    window->height = at_most(frame->bottom + DEPTH_FRAME_MAX_EDGE_PX, frame->height - 1) + 1 - window->top;
 }
 
-static void store_window(struct depth_frame_cache *all, int i, const struct depth_frame *s)
+static void store_window(struct depth_frame_cache *all, int i, const struct depth_frame *frame)
 {
-    struct cached_window *k = &all->windows[i];
-    if (s->right < s->left)
+    struct cached_window *window = &all->windows[i];
+    if (frame->right < frame->left)
         return;
-    set_window(k, s);
-    size_t pixels = (size_t)k->width * (size_t)k->height, row = (size_t)k->width;
+    set_window(window, frame);
+    size_t pixels = (size_t)window->width * (size_t)window->height, row = (size_t)window->width;
     if (all->bytes + PIXEL_BYTES * pixels > all->max_bytes)
         return;
-    k->bytes = malloc(PIXEL_BYTES * pixels);
-    if (!k->bytes)
+    window->bytes = malloc(PIXEL_BYTES * pixels);
+    if (!window->bytes)
         return; // it is read from the take each time instead
     all->bytes += PIXEL_BYTES * pixels;
-    k->bounds = *s;
-    uint8_t *part = k->bytes + 2 * pixels, *edge = part + pixels, *half = edge + pixels;
-    for (int y = 0; y < k->height; y++) {
-        size_t from = (size_t)(k->top + y) * (size_t)s->width + (size_t)k->left, to = (size_t)y * row;
-        memcpy(k->bytes + 2 * to, s->depth + from, 2 * row);
-        memcpy(part + to, s->part + from, row);
-        memcpy(edge + to, s->edge_distance + from, row);
-        memcpy(half + to, s->half_width + from, row);
+    window->bounds = *frame;
+    uint8_t *part = window->bytes + 2 * pixels, *edge = part + pixels, *half = edge + pixels;
+    for (int y = 0; y < window->height; y++) {
+        size_t from = (size_t)(window->top + y) * (size_t)frame->width + (size_t)window->left, to = (size_t)y * row;
+        memcpy(window->bytes + 2 * to, frame->depth + from, 2 * row);
+        memcpy(part + to, frame->part + from, row);
+        memcpy(edge + to, frame->edge_distance + from, row);
+        memcpy(half + to, frame->half_width + from, row);
     }
 }
 
-static void restore_window(const struct cached_window *k, struct depth_frame *s)
+static void restore_window(const struct cached_window *window, struct depth_frame *frame)
 {
-    size_t pixels = (size_t)k->width * (size_t)k->height, row = (size_t)k->width,
-           all = (size_t)s->width * (size_t)s->height;
-    const uint8_t *part = k->bytes + 2 * pixels, *edge = part + pixels, *half = edge + pixels;
-    s->has_mask = k->bounds.has_mask;
-    s->left = k->bounds.left, s->top = k->bounds.top, s->right = k->bounds.right, s->bottom = k->bounds.bottom;
-    memset(s->depth, 0, sizeof *s->depth * all);
-    memset(s->part, DEPTH_FRAME_BACKGROUND, all);
-    memset(s->edge_distance, DEPTH_FRAME_MAX_EDGE_PX, all);
-    memset(s->half_width, UINT8_MAX, all);
-    for (int y = 0; y < k->height; y++) {
-        size_t to = (size_t)(k->top + y) * (size_t)s->width + (size_t)k->left, from = (size_t)y * row;
-        memcpy(s->depth + to, k->bytes + 2 * from, 2 * row);
-        memcpy(s->part + to, part + from, row);
-        memcpy(s->edge_distance + to, edge + from, row);
-        memcpy(s->half_width + to, half + from, row);
+    size_t pixels = (size_t)window->width * (size_t)window->height, row = (size_t)window->width,
+           all = (size_t)frame->width * (size_t)frame->height;
+    const uint8_t *part = window->bytes + 2 * pixels, *edge = part + pixels, *half = edge + pixels;
+    frame->has_mask = window->bounds.has_mask;
+    frame->left = window->bounds.left, frame->top = window->bounds.top, frame->right = window->bounds.right,
+    frame->bottom = window->bounds.bottom;
+    memset(frame->depth, 0, sizeof *frame->depth * all);
+    memset(frame->part, DEPTH_FRAME_BACKGROUND, all);
+    memset(frame->edge_distance, DEPTH_FRAME_MAX_EDGE_PX, all);
+    memset(frame->half_width, UINT8_MAX, all);
+    for (int y = 0; y < window->height; y++) {
+        size_t to = (size_t)(window->top + y) * (size_t)frame->width + (size_t)window->left, from = (size_t)y * row;
+        memcpy(frame->depth + to, window->bytes + 2 * from, 2 * row);
+        memcpy(frame->part + to, part + from, row);
+        memcpy(frame->edge_distance + to, edge + from, row);
+        memcpy(frame->half_width + to, half + from, row);
     }
 }
 
-static void copy_colors(const struct depth_frame_cache *s, const struct take_images *images, uint8_t *rgb)
+static void copy_colors(const struct depth_frame_cache *cache, const struct take_images *images, uint8_t *rgb)
 {
-    const struct lens *lens = &take_calibration(s->source.take)->color;
+    const struct lens *lens = &take_calibration(cache->source.take)->color;
     memcpy(rgb, images->color, 3 * (size_t)lens->width * (size_t)lens->height);
 }
 

@@ -7,8 +7,8 @@
 #pragma once
 #include "base/depth_noise.h"
 #include "recording/recording.h"
-#include "reenact/skeleton/skeleton_track.h"
 #include "reenact/skeleton/bind_pose.h"
+#include "reenact/skeleton/skeleton_track.h"
 
 // ---------------------------------------------------------------- part label
 
@@ -44,10 +44,10 @@ bool part_pixel_on_surface(const uint16_t *depth, const uint8_t *mask, int width
 struct source_rays;
 MUST_CHECK enum status source_rays_open(struct source_rays **out,
                                         const struct calibration *calibration); // ERR_MEMORY: *out is NULL
-void source_rays_close(struct source_rays **r);                                 // NULL is fine; sets *r = NULL
-int source_rays_count(const struct source_rays *r);
+void source_rays_close(struct source_rays **rays);                              // NULL is fine; sets *rays = NULL
+int source_rays_count(const struct source_rays *rays);
 // The point of depth pixel `i` at `depth_mm` > 0, in the COLOUR camera's axes, metres.
-struct vec3 source_rays_point(const struct source_rays *r, int i, uint16_t depth_mm);
+struct vec3 source_rays_point(const struct source_rays *rays, int i, uint16_t depth_mm);
 
 // ---------------------------------------------------------------- depth frame
 
@@ -86,11 +86,11 @@ struct depth_frame {
 // rays and take must outlive it. ERR_MEMORY: *out is then zeroed.
 MUST_CHECK enum status depth_frame_open(struct depth_frame *out, const struct take *take,
                                         const struct source_rays *rays);
-void depth_frame_close(struct depth_frame *s); // zeroed is fine; leaves it zeroed
+void depth_frame_close(struct depth_frame *frame); // zeroed is fine; leaves it zeroed
 
 // Labels a frame. images: its depth (not NULL) and mask (NULL: none), from take_read. joints: its skeleton, inpainted
 // (take_skeletons_at), colour camera's axes.
-void depth_frame_label(struct depth_frame *s, const struct take_images *images, const struct skeleton *joints);
+void depth_frame_label(struct depth_frame *frame, const struct take_images *images, const struct skeleton *joints);
 
 // take_read and depth_frame_label for a caller that needs one frame of a take. NOTHING: it lacks depth or skeleton.
 // ERR_CORRUPT, ERR_IO, ERR_MEMORY. Unless OK, *s is unchanged.
@@ -99,13 +99,13 @@ MUST_CHECK enum status depth_frame_read(struct depth_frame *s, struct take *take
 // From background pixel i to the actor's pixel next to it in direction `step` (an index offset), across mixed pixels:
 // the first that shows a part, at most DEPTH_FRAME_INWARD_PX from i. -1: there is none, or the background is not
 // clearly behind it.
-int depth_frame_step_inside(const struct depth_frame *s, int i, int step);
+int depth_frame_step_inside(const struct depth_frame *frame, int i, int step);
 
 // Median of the actor's depth samples in the 3 x 3 window about pixel i, which is one of the actor's; millimetres.
-int depth_frame_median_mm(const struct depth_frame *s, int i);
+int depth_frame_median_mm(const struct depth_frame *frame, int i);
 
 // Assigns the actor's pixels to parts again, by better joints (colour camera's axes).
-void depth_frame_relabel(struct depth_frame *s, const struct skeleton *skeleton);
+void depth_frame_relabel(struct depth_frame *frame, const struct skeleton *skeleton);
 
 // Replaces colours that may be mixed with another surface's: a pixel of the actor's bounds (and one more on each side)
 // that is at an edge or not the actor's takes the colour of the nearest pixel well within a surface. rgb and out are
@@ -126,10 +126,10 @@ int depth_pixel_at(const struct lens *lens, struct vec3 p);
 
 // Whether a pixel shows the actor, at least margin_px away from an edge between surfaces, DEPTH_AGREEMENT_M or less
 // from depth_m.
-bool depth_agrees(const struct depth_frame *s, int pixel, double depth_m, int margin_px);
+bool depth_agrees(const struct depth_frame *frame, int pixel, double depth_m, int margin_px);
 
 // Whether depth agrees where p, a point of `bone`, projects, on the bone's part or an adjacent one.
-bool depth_agrees_with_bone(const struct depth_frame *s, const struct lens *lens, struct vec3 p, int bone,
+bool depth_agrees_with_bone(const struct depth_frame *frame, const struct lens *lens, struct vec3 p, int bone,
                             int margin_px);
 
 // ---------------------------------------------------------------- depth frame cache

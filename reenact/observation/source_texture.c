@@ -1,4 +1,5 @@
 #include "reenact/observation/source_texture.h"
+
 #include "base/portable_math.h"
 
 #include <stdlib.h>
@@ -117,12 +118,13 @@ enum status source_image_load(struct source_image *image, struct take *take, int
 // ---------------------------------------------------------------- a part's patch
 
 // The window about a part and the part's area in it, pixels. False: the part is outside the image.
-static bool part_window(const struct take *take, int64_t frame, enum part p, struct source_patch *w, double *area)
+static bool part_window(const struct take *take, int64_t frame, enum part part, struct source_patch *patch,
+                        double *area)
 {
     const struct lens *lens = &take_calibration(take)->color;
     const struct skeleton *s = &take_entry(take, frame)->skeleton;
-    struct vec3 ends[2] = {s->joint[part_ends[p].from], s->joint[part_ends[p].to]};
-    double reach = take_body(take)->radius_rate[p] * v3_distance(ends[0], ends[1]);
+    struct vec3 ends[2] = {s->joint[part_ends[part].from], s->joint[part_ends[part].to]};
+    double reach = take_body(take)->radius_rate[part] * v3_distance(ends[0], ends[1]);
     double x0 = 1e9, y0 = 1e9, x1 = -1e9, y1 = -1e9, thick = 0;
     struct pixel at[2];
     for (int i = 0; i < 2; i++) {
@@ -139,28 +141,28 @@ static bool part_window(const struct take *take, int64_t frame, enum part p, str
     x0 = fmax(x0, 0), y0 = fmax(y0, 0), x1 = fmin(x1, lens->width - 1), y1 = fmin(y1, lens->height - 1);
     if (!(x1 - x0 >= 2 && y1 - y0 >= 2))
         return false;
-    *w = (struct source_patch){.left = (int)x0, .top = (int)y0};
-    w->width = (int)x1 - w->left + 1;
-    w->height = (int)y1 - w->top + 1;
+    *patch = (struct source_patch){.left = (int)x0, .top = (int)y0};
+    patch->width = (int)x1 - patch->left + 1;
+    patch->height = (int)y1 - patch->top + 1;
     *area = thick * portable_hypot(at[1].x - at[0].x, at[1].y - at[0].y) + thick * thick / 4;
     return true;
 }
 
 // For each pixel of the window the row of the nearest usable pixel in its column; -1: none.
-static void nearest_in_columns(const struct source_image *image, const struct source_patch *w, uint16_t bit,
+static void nearest_in_columns(const struct source_image *image, const struct source_patch *patch, uint16_t bit,
                                int16_t *row)
 {
-    for (int x = 0; x < w->width; x++) {
+    for (int x = 0; x < patch->width; x++) {
         int last = -1;
-        for (int y = 0; y < w->height; y++) {
-            size_t at = (size_t)(w->top + y) * image->width + w->left + x;
+        for (int y = 0; y < patch->height; y++) {
+            size_t at = (size_t)(patch->top + y) * image->width + patch->left + x;
             if (image->parts[at] & bit)
                 last = y;
-            row[y * w->width + x] = (int16_t)last;
+            row[y * patch->width + x] = (int16_t)last;
         }
         last = -1;
-        for (int y = w->height - 1; y >= 0; y--) {
-            int16_t *r = &row[y * w->width + x];
+        for (int y = patch->height - 1; y >= 0; y--) {
+            int16_t *r = &row[y * patch->width + x];
             if (*r == y)
                 last = y;
             if (last >= 0 && (*r < 0 || last - y < y - *r))
@@ -171,15 +173,15 @@ static void nearest_in_columns(const struct source_image *image, const struct so
 
 // The exact nearest usable pixel of the window to (x, y); the leftmost, then the upper one on a tie. row: as
 // nearest_in_columns fills it.
-static void find_nearest(const struct source_patch *w, const int16_t *row, const int at[2], int nearest[2])
+static void find_nearest(const struct source_patch *patch, const int16_t *row, const int at[2], int nearest[2])
 {
     const int x = at[0], y = at[1];
     long best = -1;
     nearest[0] = nearest[1] = 0;
-    for (int d = 0; d < w->width && (best < 0 || (long)d * d < best); d++)
+    for (int d = 0; d < patch->width && (best < 0 || (long)d * d < best); d++)
         for (int side = -1; side <= 1; side += 2) {
             int cx = x + side * d;
-            int cy = cx >= 0 && cx < w->width ? row[y * w->width + cx] : -1;
+            int cy = cx >= 0 && cx < patch->width ? row[y * patch->width + cx] : -1;
             long distance = (long)d * d + (long)(cy - y) * (cy - y);
             if (cy >= 0 && (best < 0 || distance < best)) {
                 best = distance;
@@ -189,14 +191,14 @@ static void find_nearest(const struct source_patch *w, const int16_t *row, const
         }
 }
 
-static void fill(const struct source_image *image, struct source_patch *w, const int16_t *row)
+static void fill_patch(const struct source_image *image, struct source_patch *patch, const int16_t *row)
 {
-    for (int y = 0; y < w->height; y++)
-        for (int x = 0; x < w->width; x++) {
+    for (int y = 0; y < patch->height; y++)
+        for (int x = 0; x < patch->width; x++) {
             int nearest[2];
-            find_nearest(w, row, (const int[2]){x, y}, nearest);
-            size_t from = ((size_t)(w->top + nearest[1]) * image->width + w->left + nearest[0]) * 3;
-            memcpy(w->rgb + ((size_t)y * w->width + x) * 3, image->rgb + from, 3);
+            find_nearest(patch, row, (const int[2]){x, y}, nearest);
+            size_t from = ((size_t)(patch->top + nearest[1]) * image->width + patch->left + nearest[0]) * 3;
+            memcpy(patch->rgb + ((size_t)y * patch->width + x) * 3, image->rgb + from, 3);
         }
 }
 
@@ -224,7 +226,7 @@ enum status source_patch_make(const struct source_image *image, const struct tak
         return fail(ERR_MEMORY, "no memory for a frame's texture");
     }
     nearest_in_columns(image, &w, bit, row);
-    fill(image, &w, row);
+    fill_patch(image, &w, row);
     free(row);
     *out = w;
     return OK;

@@ -54,12 +54,12 @@ struct renderer {
 static const double FULL_ERROR_M = 0.5 * TSDF_VOXEL_M + 0.004;
 
 // Mean distance of the avatar's surface points from the body cylinders, metres.
-static double lod_cylinder_error_m(const struct avatar *a)
+static double lod_cylinder_error_m(const struct avatar *avatar)
 {
     double sum = 0;
-    for (int i = 0; i < a->surface.point_count; i++)
-        sum += fabs(bind_pose_distance(&a->bind_pose, a->surface.points[i]));
-    return a->surface.point_count ? sum / a->surface.point_count : 0;
+    for (int i = 0; i < avatar->surface.point_count; i++)
+        sum += fabs(bind_pose_distance(&avatar->bind_pose, avatar->surface.points[i]));
+    return avatar->surface.point_count ? sum / avatar->surface.point_count : 0;
 }
 
 double lod_pixels_per_metre(const struct lens *lens, const struct skeleton *in_viewer)
@@ -85,86 +85,87 @@ double lod_full_error_m(void) { return FULL_ERROR_M; }
 enum { ROOM_SUPERSAMPLING = 2 }; // texels of the room's depth along a pixel's side
 enum { SHADOW_PX = 2 };          // image pixels along a shadow pixel: it is soft, and each one visits the whole body
 
-static void set_view_lens(struct renderer *p)
+static void set_view_lens(struct renderer *renderer)
 {
-    cylinder_renderer_set_lens(p->cylinders, &p->drawn);
-    if (p->avatar)
-        avatar_renderer_set_lens(p->avatar, &p->drawn);
-    occlusion_shadow_set_lens(p->occlusion, &p->drawn);
+    cylinder_renderer_set_lens(renderer->cylinders, &renderer->drawn);
+    if (renderer->avatar)
+        avatar_renderer_set_lens(renderer->avatar, &renderer->drawn);
+    occlusion_shadow_set_lens(renderer->occlusion, &renderer->drawn);
 }
 
 // Opens the render targets at the lens's size. ERR_DEVICE, ERR_MEMORY; close them then, too.
-static enum status actor_targets_open(struct renderer *p, bool sources, bool shadow)
+static enum status actor_targets_open(struct renderer *renderer, bool sources, bool shadow)
 {
-    int w = p->lens.width, h = p->lens.height;
-    enum status status =
-        gpu_texture_open(&p->camera, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, w, h, GPU_NEAREST}, NULL);
-    if (status == OK && (p->detail != DETAIL_FULL || p->avatar_later))
-        status = gpu_target_open_comparable(&p->paper, p->gpu, w, h);
-    if (status == OK && p->detail != DETAIL_PAPER)
-        status = gpu_target_open_comparable(&p->full, p->gpu, w, h);
+    int w = renderer->lens.width, h = renderer->lens.height;
+    enum status status = gpu_texture_open(&renderer->camera, renderer->gpu,
+                                          &(struct gpu_texture_layout){GPU_RGB8, w, h, GPU_NEAREST}, NULL);
+    if (status == OK && (renderer->detail != DETAIL_FULL || renderer->avatar_later))
+        status = gpu_target_open_comparable(&renderer->paper, renderer->gpu, w, h);
+    if (status == OK && renderer->detail != DETAIL_PAPER)
+        status = gpu_target_open_comparable(&renderer->full, renderer->gpu, w, h);
     if (status == OK)
-        status = gpu_target_open_color(&p->composed, p->gpu, w, h);
+        status = gpu_target_open_color(&renderer->composed, renderer->gpu, w, h);
     if (status == OK && sources)
-        status = gpu_target_open(&p->source, p->gpu, w, h);
+        status = gpu_target_open(&renderer->source, renderer->gpu, w, h);
     if (status == OK && shadow)
-        status = gpu_target_open(&p->shadow, p->gpu, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
-    p->actor = p->paper ? p->paper : p->full;
-    p->writes_source = sources;
+        status = gpu_target_open(&renderer->shadow, renderer->gpu, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
+    renderer->actor = renderer->paper ? renderer->paper : renderer->full;
+    renderer->writes_source = sources;
     return status;
 }
 
-static enum status actor_targets_open_room_depth(struct renderer *p)
+static enum status actor_targets_open_room_depth(struct renderer *renderer)
 {
-    return gpu_target_open_depth(&p->room_depth, p->gpu, ROOM_SUPERSAMPLING * p->lens.width,
-                                 ROOM_SUPERSAMPLING * p->lens.height);
+    return gpu_target_open_depth(&renderer->room_depth, renderer->gpu, ROOM_SUPERSAMPLING * renderer->lens.width,
+                                 ROOM_SUPERSAMPLING * renderer->lens.height);
 }
 
-static void actor_targets_close(struct renderer *p)
+static void actor_targets_close(struct renderer *renderer)
 {
-    gpu_target_close(&p->room_depth);
-    gpu_target_close(&p->paper);
-    gpu_target_close(&p->full);
-    gpu_target_close(&p->composed);
-    gpu_target_close(&p->strokes);
-    gpu_target_close(&p->source);
-    gpu_target_close(&p->shadow);
-    gpu_texture_close(&p->camera);
+    gpu_target_close(&renderer->room_depth);
+    gpu_target_close(&renderer->paper);
+    gpu_target_close(&renderer->full);
+    gpu_target_close(&renderer->composed);
+    gpu_target_close(&renderer->strokes);
+    gpu_target_close(&renderer->source);
+    gpu_target_close(&renderer->shadow);
+    gpu_texture_close(&renderer->camera);
 }
 
-// Where the room's depth is drawn that hides p->actor: into p->room_depth, or into its own.
-static struct gpu_target *actor_targets_room(const struct renderer *p)
+// Where the room's depth is drawn that hides renderer->actor: into renderer->room_depth, or into its own.
+static struct gpu_target *actor_targets_room(const struct renderer *renderer)
 {
-    return p->actor == p->full && p->avatar && p->room_depth ? p->room_depth : p->actor;
+    return renderer->actor == renderer->full && renderer->avatar && renderer->room_depth ? renderer->room_depth
+                                                                                         : renderer->actor;
 }
 
-static void resize(struct gpu_target *t, int width, int height)
+static void resize_target(struct gpu_target *target, int width, int height)
 {
-    if (t)
-        gpu_target_resize(t, width, height);
+    if (target)
+        gpu_target_resize(target, width, height);
 }
 
 // Applies the resolution scale and the lens to targets and renderers. Targets keep their allocation
 // at the lens's size and use their top left, so that nothing is allocated when the scale changes.
-static void actor_targets_apply_scale(struct renderer *p)
+static void actor_targets_apply_scale(struct renderer *renderer)
 {
-    p->drawn = lens_resized(&p->lens, p->resolution_scale);
-    const int w = p->drawn.width, h = p->drawn.height;
-    set_view_lens(p);
-    resize(p->paper, w, h);
-    resize(p->full, w, h);
-    resize(p->source, w, h);
-    resize(p->strokes, w, h);
-    resize(p->room_depth, ROOM_SUPERSAMPLING * w, ROOM_SUPERSAMPLING * h);
-    resize(p->shadow, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
+    renderer->drawn = lens_resized(&renderer->lens, renderer->resolution_scale);
+    const int w = renderer->drawn.width, h = renderer->drawn.height;
+    set_view_lens(renderer);
+    resize_target(renderer->paper, w, h);
+    resize_target(renderer->full, w, h);
+    resize_target(renderer->source, w, h);
+    resize_target(renderer->strokes, w, h);
+    resize_target(renderer->room_depth, ROOM_SUPERSAMPLING * w, ROOM_SUPERSAMPLING * h);
+    resize_target(renderer->shadow, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
 }
 
-void renderer_set_resolution_scale(struct renderer *p, double resolution_scale)
+void renderer_set_resolution_scale(struct renderer *renderer, double resolution_scale)
 {
-    if (resolution_scale == p->resolution_scale)
+    if (resolution_scale == renderer->resolution_scale)
         return;
-    p->resolution_scale = resolution_scale;
-    actor_targets_apply_scale(p);
+    renderer->resolution_scale = resolution_scale;
+    actor_targets_apply_scale(renderer);
 }
 
 enum status renderer_set_lens(struct renderer *p, const struct lens *lens)
@@ -188,9 +189,9 @@ enum status renderer_set_lens(struct renderer *p, const struct lens *lens)
 
 // ---------------------------------------------------------------- read-back
 
-static enum status read_rgb(const struct renderer *p, struct gpu_target *from, uint8_t *rgb)
+static enum status read_rgb(const struct renderer *renderer, struct gpu_target *from, uint8_t *rgb)
 {
-    size_t pixels = (size_t)p->drawn.width * (size_t)p->drawn.height;
+    size_t pixels = (size_t)renderer->drawn.width * (size_t)renderer->drawn.height;
     uint8_t *rgba = malloc(pixels * 4);
     if (!rgba)
         return fail(ERR_MEMORY, "no memory for the renderer's targets");
@@ -225,11 +226,14 @@ enum status renderer_read_source(struct renderer *p, uint8_t *rgb)
     return read_rgb(p, p->source, rgb);
 }
 
-const struct gpu_texture *renderer_actor_texture(struct renderer *p) { return gpu_target_texture(p->actor); }
-
-const struct gpu_texture *renderer_shadow_texture(struct renderer *p)
+const struct gpu_texture *renderer_actor_texture(struct renderer *renderer)
 {
-    return p->shaded ? gpu_target_texture(p->shadow) : NULL;
+    return gpu_target_texture(renderer->actor);
+}
+
+const struct gpu_texture *renderer_shadow_texture(struct renderer *renderer)
+{
+    return renderer->shaded ? gpu_target_texture(renderer->shadow) : NULL;
 }
 
 // ---------------------------------------------------------------- actor overlay
@@ -240,13 +244,14 @@ const struct gpu_texture *renderer_shadow_texture(struct renderer *p)
 static const double STROKE_M = 0.15, POINT_M = 0.02;
 
 // Draws the room's depth where it may hide what is in the frustum. True: there is any.
-static bool draw_room(struct renderer *p, const struct renderer_view *view, const struct occlusion_frustum *hidden)
+static bool draw_room(struct renderer *renderer, const struct renderer_view *view,
+                      const struct occlusion_frustum *hidden)
 {
-    return hidden->farthest_m > 0 &&
-           occlusion_shadow_draw_room(p->occlusion, actor_targets_room(p), view->viewer_from_room, hidden);
+    return hidden->farthest_m > 0 && occlusion_shadow_draw_room(renderer->occlusion, actor_targets_room(renderer),
+                                                                view->viewer_from_room, hidden);
 }
 
-static bool draw_rooms(struct renderer *p, const struct renderer_view *view)
+static bool draw_rooms(struct renderer *renderer, const struct renderer_view *view)
 {
     const struct overlay *o = view->overlay;
     struct occlusion_frustum strokes = {0};
@@ -255,44 +260,45 @@ static bool draw_rooms(struct renderer *p, const struct renderer_view *view)
         occlusion_frustum_add(&strokes, o->strokes[i].from, STROKE_M);
         occlusion_frustum_add(&strokes, o->strokes[i].to, STROKE_M);
     }
-    any = draw_room(p, view, &strokes);
-    for (int g = 0; g < o->group_count && g < OVERLAY_GROUPS_MOST; g++) { // each alone: they may be far apart
+    any = draw_room(renderer, view, &strokes);
+    for (int g = 0; g < o->group_count && g < OVERLAY_GROUPS_MAX; g++) { // each alone: they may be far apart
         struct occlusion_frustum points = {0};
         for (int i = 0; i < OVERLAY_POINTS; i++)
             occlusion_frustum_add(&points, o->groups[g].point[i], POINT_M);
-        any |= draw_room(p, view, &points);
+        any |= draw_room(renderer, view, &points);
     }
     return any;
 }
 
 // Draws view->overlay over the actor just drawn, and the depth of the room that may hide it. ERR_DEVICE, ERR_MEMORY.
-static enum status actor_overlay_draw(struct renderer *p, const struct renderer_view *view)
+static enum status actor_overlay_draw(struct renderer *renderer, const struct renderer_view *view)
 {
-    enum status status = p->overlay ? OK : depth_overlay_open(&p->overlay, p->gpu);
-    if (status == OK && view->overlay->stroke_count && !p->strokes) {
-        status = gpu_target_open_color(&p->strokes, p->gpu, p->lens.width, p->lens.height);
-        actor_targets_apply_scale(p);
+    enum status status = renderer->overlay ? OK : depth_overlay_open(&renderer->overlay, renderer->gpu);
+    if (status == OK && view->overlay->stroke_count && !renderer->strokes) {
+        status = gpu_target_open_color(&renderer->strokes, renderer->gpu, renderer->lens.width, renderer->lens.height);
+        actor_targets_apply_scale(renderer);
     }
     if (status != OK)
         return status;
-    if (view->viewer_from_room && draw_rooms(p, view))
-        p->room_drawn = true;
-    p->stroked = view->overlay->stroke_count > 0;
-    if (p->stroked)
-        gpu_target_clear(p->strokes);
-    const bool apart = p->room_drawn && actor_targets_room(p) == p->room_depth;
-    const struct overlay_picture picture = {
-        gpu_target_depth(p->actor), apart ? gpu_target_texture(p->room_depth) : NULL, p->drawn, p->resolution_scale};
-    depth_overlay_draw(p->overlay, p->strokes, &picture, view->overlay);
-    return gpu_check(p->gpu);
+    if (view->viewer_from_room && draw_rooms(renderer, view))
+        renderer->room_drawn = true;
+    renderer->stroked = view->overlay->stroke_count > 0;
+    if (renderer->stroked)
+        gpu_target_clear(renderer->strokes);
+    const bool apart = renderer->room_drawn && actor_targets_room(renderer) == renderer->room_depth;
+    const struct overlay_picture picture = {gpu_target_depth(renderer->actor),
+                                            apart ? gpu_target_texture(renderer->room_depth) : NULL, renderer->drawn,
+                                            renderer->resolution_scale};
+    depth_overlay_draw(renderer->overlay, renderer->strokes, &picture, view->overlay);
+    return gpu_check(renderer->gpu);
 }
 
-const struct gpu_texture *renderer_overlay_texture(struct renderer *p)
+const struct gpu_texture *renderer_overlay_texture(struct renderer *renderer)
 {
-    return p->stroked ? gpu_target_texture(p->strokes) : NULL;
+    return renderer->stroked ? gpu_target_texture(renderer->strokes) : NULL;
 }
 
-enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MOST], int *count)
+enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MAX], int *count)
 {
     *count = 0;
     return p->overlay ? depth_overlay_read(p->overlay, share, count) : OK;
@@ -312,7 +318,7 @@ struct renderer_options renderer_default_options(void)
 
 // ---------------------------------------------------------------- opening
 
-static enum status open_programs(struct renderer *p)
+static enum status open_programs(struct renderer *renderer)
 {
     static const char *const compose_samplers[] = {"camera_image", "actor_image", "shadow_image"};
     const struct gpu_program_source compose = {.name = "compose",
@@ -320,16 +326,16 @@ static enum status open_programs(struct renderer *p)
                                                .fragment = shader_find("compose.frag"),
                                                .samplers = compose_samplers,
                                                .sampler_count = 3};
-    enum status status = fullscreen_mesh_open(&p->fullscreen, p->gpu);
+    enum status status = fullscreen_mesh_open(&renderer->fullscreen, renderer->gpu);
     if (status == OK)
-        status = gpu_texture_open(&p->no_shadow, p->gpu, &(struct gpu_texture_layout){GPU_RGBA8, 1, 1, GPU_NEAREST},
-                                  (const uint8_t[4]){0});
+        status = gpu_texture_open(&renderer->no_shadow, renderer->gpu,
+                                  &(struct gpu_texture_layout){GPU_RGBA8, 1, 1, GPU_NEAREST}, (const uint8_t[4]){0});
     if (status == OK)
-        status = occlusion_shadow_open(&p->occlusion, p->gpu, &p->lens);
+        status = occlusion_shadow_open(&renderer->occlusion, renderer->gpu, &renderer->lens);
     if (status == OK)
-        status = gpu_program_open(&p->compose_program, p->gpu, &compose);
+        status = gpu_program_open(&renderer->compose_program, renderer->gpu, &compose);
     if (status == OK)
-        actor_targets_apply_scale(p);
+        actor_targets_apply_scale(renderer);
     return status;
 }
 
@@ -350,14 +356,15 @@ enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar)
     return status;
 }
 
-void renderer_finish_upload(struct renderer *p)
+void renderer_finish_upload(struct renderer *renderer)
 {
-    p->upload_pending = p->upload_pending && p->avatar && !avatar_renderer_upload_step(p->avatar, SIZE_MAX);
+    renderer->upload_pending =
+        renderer->upload_pending && renderer->avatar && !avatar_renderer_upload_step(renderer->avatar, SIZE_MAX);
 }
 
-const struct avatar *renderer_avatar(const struct renderer *p)
+const struct avatar *renderer_avatar(const struct renderer *renderer)
 {
-    return p->avatar && !p->upload_pending ? avatar_renderer_avatar(p->avatar) : NULL;
+    return renderer->avatar && !renderer->upload_pending ? avatar_renderer_avatar(renderer->avatar) : NULL;
 }
 
 enum status renderer_add_frame(struct renderer *p, struct frame_layer *loaded)
@@ -368,9 +375,9 @@ enum status renderer_add_frame(struct renderer *p, struct frame_layer *loaded)
     return OK;
 }
 
-int64_t renderer_nearest_resident_frame(const struct renderer *p, int64_t frame, int64_t within_ns)
+int64_t renderer_nearest_resident_frame(const struct renderer *renderer, int64_t frame, int64_t within_ns)
 {
-    return p->avatar ? avatar_renderer_nearest_resident(p->avatar, frame, within_ns) : -1;
+    return renderer->avatar ? avatar_renderer_nearest_resident(renderer->avatar, frame, within_ns) : -1;
 }
 
 enum status renderer_set_room(struct renderer *p, struct occluder_mesh *room)
@@ -383,31 +390,33 @@ enum status renderer_set_room(struct renderer *p, struct occluder_mesh *room)
     return status;
 }
 
-bool renderer_upload_done(const struct renderer *p)
+bool renderer_upload_done(const struct renderer *renderer)
 {
-    return !p->upload_pending || !avatar_renderer_has_avatar(p->avatar);
+    return !renderer->upload_pending || !avatar_renderer_has_avatar(renderer->avatar);
 }
 
-static enum status open_avatar(struct renderer *p, const struct renderer_options *options)
+static enum status open_avatar(struct renderer *renderer, const struct renderer_options *options)
 {
-    const struct calibration *c = take_calibration(p->take);
-    if (p->detail == DETAIL_PAPER || !(c->depth.width > 0))
+    const struct calibration *c = take_calibration(renderer->take);
+    if (renderer->detail == DETAIL_PAPER || !(c->depth.width > 0))
         return OK;
-    enum status status = source_rays_open(&p->rays, c);
-    const struct frame_source source = {p->take, p->skeletons, p->rays};
+    enum status status = source_rays_open(&renderer->rays, c);
+    const struct frame_source source = {renderer->take, renderer->skeletons, renderer->rays};
     if (status == OK)
-        status = avatar_renderer_open(&p->avatar, p->gpu, &source, &p->lens, options->texture_bytes / 2);
-    p->upload_pending = status == OK;
-    if (status != OK || p->avatar_later)
+        status = avatar_renderer_open(&renderer->avatar, renderer->gpu, &source, &renderer->lens,
+                                      options->texture_bytes / 2);
+    renderer->upload_pending = status == OK;
+    if (status != OK || renderer->avatar_later)
         return status;
     struct avatar avatar;
     struct avatar_options how = avatar_default_options();
     how.watch = options->watch;
-    status = avatar_obtain(&avatar, p->take, p->rays, &how);
+    status = avatar_obtain(&avatar, renderer->take, renderer->rays, &how);
     if (status < 0)
         return status;
-    status = renderer_set_avatar(p, status == OK ? &avatar : NULL);
-    p->upload_pending = status == OK && p->avatar && !avatar_renderer_upload_step(p->avatar, SIZE_MAX);
+    status = renderer_set_avatar(renderer, status == OK ? &avatar : NULL);
+    renderer->upload_pending =
+        status == OK && renderer->avatar && !avatar_renderer_upload_step(renderer->avatar, SIZE_MAX);
     return status;
 }
 
@@ -460,21 +469,21 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
 
 void renderer_close(struct renderer **out)
 {
-    struct renderer *p = *out;
-    if (!p)
+    struct renderer *renderer = *out;
+    if (!renderer)
         return;
-    avatar_renderer_close(&p->avatar);
-    source_rays_close(&p->rays);
-    occlusion_shadow_close(&p->occlusion);
-    depth_overlay_close(&p->overlay);
-    gpu_texture_close(&p->no_shadow);
-    gpu_mesh_close(&p->fullscreen);
-    actor_targets_close(p);
-    gpu_program_close(&p->compose_program);
-    cylinder_renderer_close(&p->cylinders);
-    skeleton_track_close(&p->motion);
-    take_skeletons_close(&p->own_skeletons);
-    free(p);
+    avatar_renderer_close(&renderer->avatar);
+    source_rays_close(&renderer->rays);
+    occlusion_shadow_close(&renderer->occlusion);
+    depth_overlay_close(&renderer->overlay);
+    gpu_texture_close(&renderer->no_shadow);
+    gpu_mesh_close(&renderer->fullscreen);
+    actor_targets_close(renderer);
+    gpu_program_close(&renderer->compose_program);
+    cylinder_renderer_close(&renderer->cylinders);
+    skeleton_track_close(&renderer->motion);
+    take_skeletons_close(&renderer->own_skeletons);
+    free(renderer);
     *out = NULL;
 }
 
@@ -487,153 +496,158 @@ struct draw_state {
     struct frame_selection whole; // source frame at DETAIL_PAPER
 };
 
-static void clear(struct renderer *p)
+static void clear_targets(struct renderer *renderer)
 {
-    gpu_target_clear(p->actor);
-    if (p->writes_source)
-        gpu_target_clear(p->source);
-    if (p->room_depth)
-        gpu_target_clear(p->room_depth);
-    p->room_drawn = false;
+    gpu_target_clear(renderer->actor);
+    if (renderer->writes_source)
+        gpu_target_clear(renderer->source);
+    if (renderer->room_depth)
+        gpu_target_clear(renderer->room_depth);
+    renderer->room_drawn = false;
 }
 
 // Clears the targets and draws the depth of the room that may hide the actor.
-static void begin_target(struct renderer *p, const struct renderer_view *view, const struct draw_state *state)
+static void begin_target(struct renderer *renderer, const struct renderer_view *view, const struct draw_state *state)
 {
     const struct occlusion_frustum body = occlusion_frustum_body(&state->in_viewer);
-    clear(p);
+    clear_targets(renderer);
     if (view->viewer_from_room)
-        occlusion_shadow_set_front_only(p->occlusion, view->room_front);
+        occlusion_shadow_set_front_only(renderer->occlusion, view->room_front);
     if (view->viewer_from_room)
-        p->room_drawn = occlusion_shadow_draw_room(p->occlusion, actor_targets_room(p), view->viewer_from_room, &body);
-    if (view->viewer_from_room && p->writes_source)
-        occlusion_shadow_draw_room(p->occlusion, p->source, view->viewer_from_room, &body);
+        renderer->room_drawn = occlusion_shadow_draw_room(renderer->occlusion, actor_targets_room(renderer),
+                                                          view->viewer_from_room, &body);
+    if (view->viewer_from_room && renderer->writes_source)
+        occlusion_shadow_draw_room(renderer->occlusion, renderer->source, view->viewer_from_room, &body);
 }
 
-static void draw_shadow(struct renderer *p, const struct renderer_view *view, const struct skeleton *skeleton)
+static void draw_shadow(struct renderer *renderer, const struct renderer_view *view, const struct skeleton *skeleton)
 {
-    if (!p->shadow)
+    if (!renderer->shadow)
         return;
     const struct occlusion_shadow_view shadow_view = {view->world_from_camera, view->viewer_from_room, skeleton,
-                                                      take_body(p->take)};
-    gpu_target_clear(p->shadow);
-    occlusion_shadow_draw(p->occlusion, p->shadow, &shadow_view);
-    p->shaded = true;
+                                                      take_body(renderer->take)};
+    gpu_target_clear(renderer->shadow);
+    occlusion_shadow_draw(renderer->occlusion, renderer->shadow, &shadow_view);
+    renderer->shaded = true;
 }
 
 // Uploads more of the avatar; once that is complete, warms up one more combination of program and state.
-static enum status upload_more(struct renderer *p)
+static enum status upload_more(struct renderer *renderer)
 {
-    if (!avatar_renderer_has_avatar(p->avatar) || !avatar_renderer_upload_step(p->avatar, UPLOAD_BYTES))
+    if (!avatar_renderer_has_avatar(renderer->avatar) || !avatar_renderer_upload_step(renderer->avatar, UPLOAD_BYTES))
         return OK;
     bool done;
     enum status status =
-        avatar_renderer_warm_up(p->avatar, p->full, p->room_depth ? gpu_target_texture(p->room_depth) : NULL, &done);
-    if (status == OK && done && p->room_depth)
-        occlusion_shadow_warm_up(p->occlusion, p->room_depth);
-    p->upload_pending = !(status == OK && done);
+        avatar_renderer_warm_up(renderer->avatar, renderer->full,
+                                renderer->room_depth ? gpu_target_texture(renderer->room_depth) : NULL, &done);
+    if (status == OK && done && renderer->room_depth)
+        occlusion_shadow_warm_up(renderer->occlusion, renderer->room_depth);
+    renderer->upload_pending = !(status == OK && done);
     return status;
 }
 
 // Chooses the level and predicts its error.
-static enum status choose_level(struct renderer *p, struct draw_state *state, struct renderer_result *result)
+static enum status choose_level(struct renderer *renderer, struct draw_state *state, struct renderer_result *result)
 {
-    enum status status = p->upload_pending ? upload_more(p) : OK;
+    enum status status = renderer->upload_pending ? upload_more(renderer) : OK;
     if (status != OK)
         return status;
-    double px_per_m = lod_pixels_per_metre(&p->drawn, &state->in_viewer);
-    double full_m = p->avatar ? lod_full_error_m() : p->cylinder_error_m;
-    result->level = p->upload_pending ? DETAIL_PAPER : p->detail;
+    double px_per_m = lod_pixels_per_metre(&renderer->drawn, &state->in_viewer);
+    double full_m = renderer->avatar ? lod_full_error_m() : renderer->cylinder_error_m;
+    result->level = renderer->upload_pending ? DETAIL_PAPER : renderer->detail;
     result->error_px = px_per_m * full_m;
     if (result->level == DETAIL_FULL)
         return OK;
-    status = cylinder_renderer_select(p->cylinders, &state->in_viewer, &state->whole);
-    double paper_px = px_per_m * lod_paper_error_m(p->cylinder_error_m, state->whole.cost_m);
+    status = cylinder_renderer_select(renderer->cylinders, &state->in_viewer, &state->whole);
+    double paper_px = px_per_m * lod_paper_error_m(renderer->cylinder_error_m, state->whole.cost_m);
     if (status < 0)
         return status;
     if (result->level == DETAIL_AUTO)
-        result->level = status == OK && paper_px <= p->error_px ? DETAIL_PAPER : DETAIL_FULL;
+        result->level = status == OK && paper_px <= renderer->error_px ? DETAIL_PAPER : DETAIL_FULL;
     if (result->level == DETAIL_PAPER)
         result->error_px = paper_px;
     return OK;
 }
 
-static enum status draw_cylinders(struct renderer *p, const struct draw_state *state,
+static enum status draw_cylinders(struct renderer *renderer, const struct draw_state *state,
                                   const struct frame_selection *whole, int *parts)
 {
-    const struct cylinder_view view = {whole, state->shown, &state->in_viewer, p->actor,
-                                       p->writes_source ? p->source : NULL};
-    return cylinder_renderer_draw(p->cylinders, &view, parts);
+    const struct cylinder_view view = {whole, state->shown, &state->in_viewer, renderer->actor,
+                                       renderer->writes_source ? renderer->source : NULL};
+    return cylinder_renderer_draw(renderer->cylinders, &view, parts);
 }
 
-// At DETAIL_PAPER, into p->paper.
-static enum status draw_paper(struct renderer *p, struct draw_state *state, int *parts)
+// At DETAIL_PAPER, into renderer->paper.
+static enum status draw_paper(struct renderer *renderer, struct draw_state *state, int *parts)
 {
-    p->actor = p->paper;
-    enum status status = cylinder_renderer_select(p->cylinders, &state->in_viewer, &state->whole);
-    return status == OK ? draw_cylinders(p, state, &state->whole, parts) : status;
+    renderer->actor = renderer->paper;
+    enum status status = cylinder_renderer_select(renderer->cylinders, &state->in_viewer, &state->whole);
+    return status == OK ? draw_cylinders(renderer, state, &state->whole, parts) : status;
 }
 
-static enum status draw_actor(struct renderer *p, const struct renderer_view *view, struct renderer_result *result)
+static enum status draw_actor(struct renderer *renderer, const struct renderer_view *view,
+                              struct renderer_result *result)
 {
     struct track_sample moment;
-    enum status status = skeleton_track_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
+    enum status status = skeleton_track_at(renderer->motion, view->time_ns, renderer->detail != DETAIL_PAPER, &moment);
     if (status != OK) {
-        clear(p);
+        clear_targets(renderer);
         return status;
     }
     struct draw_state state = {.shown = moment.frame,
                                .in_viewer =
                                    skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
     result->shown = moment.frame;
-    status = choose_level(p, &state, result);
+    status = choose_level(renderer, &state, result);
     if (status != OK)
         return status;
-    draw_shadow(p, view, &moment.skeleton);
+    draw_shadow(renderer, view, &moment.skeleton);
     if (result->level == DETAIL_PAPER) {
-        p->actor = p->paper;
-        begin_target(p, view, &state);
-        status = draw_paper(p, &state, &result->parts);
+        renderer->actor = renderer->paper;
+        begin_target(renderer, view, &state);
+        status = draw_paper(renderer, &state, &result->parts);
         if (status >= 0)
             result->source = status == OK ? state.whole.frame : -1;
         return status;
     }
-    p->actor = p->full;
-    begin_target(p, view, &state);
-    if (!p->avatar)
-        return draw_cylinders(p, &state, NULL, &result->parts);
-    const int64_t resident = avatar_renderer_nearest_resident(p->avatar, moment.frame, view->within_ns);
+    renderer->actor = renderer->full;
+    begin_target(renderer, view, &state);
+    if (!renderer->avatar)
+        return draw_cylinders(renderer, &state, NULL, &result->parts);
+    const int64_t resident = avatar_renderer_nearest_resident(renderer->avatar, moment.frame, view->within_ns);
     struct avatar_view shown = {resident < 0 ? moment.frame : resident,
                                 moment.skeleton,
                                 view->world_from_camera,
-                                p->actor,
-                                p->writes_source ? p->source : NULL,
-                                p->room_drawn && p->room_depth ? gpu_target_texture(p->room_depth) : NULL};
+                                renderer->actor,
+                                renderer->writes_source ? renderer->source : NULL,
+                                renderer->room_drawn && renderer->room_depth ? gpu_target_texture(renderer->room_depth)
+                                                                             : NULL};
     int parts;
-    status = avatar_renderer_draw(p->avatar, &shown, &parts, &result->within);
+    status = avatar_renderer_draw(renderer->avatar, &shown, &parts, &result->within);
     result->parts = status == OK ? parts : 0;
     return status;
 }
 
 // ---------------------------------------------------------------- images
 
-static enum status compose(struct renderer *p, const uint8_t *color)
+static enum status compose_image(struct renderer *renderer, const uint8_t *color)
 {
-    assert(p->drawn.width == p->lens.width && p->drawn.height == p->lens.height);
-    gpu_texture_write(p->camera, color);
-    gpu_draw(&(struct gpu_job){.target = p->composed,
-                               .program = p->compose_program,
-                               .mesh = p->fullscreen,
-                               .textures = {p->camera, gpu_target_texture(p->actor),
-                                            p->shaded ? gpu_target_texture(p->shadow) : p->no_shadow}});
-    return gpu_check(p->gpu);
+    assert(renderer->drawn.width == renderer->lens.width && renderer->drawn.height == renderer->lens.height);
+    gpu_texture_write(renderer->camera, color);
+    gpu_draw(
+        &(struct gpu_job){.target = renderer->composed,
+                          .program = renderer->compose_program,
+                          .mesh = renderer->fullscreen,
+                          .textures = {renderer->camera, gpu_target_texture(renderer->actor),
+                                       renderer->shaded ? gpu_target_texture(renderer->shadow) : renderer->no_shadow}});
+    return gpu_check(renderer->gpu);
 }
 
 enum status renderer_draw_background(struct renderer *p, const uint8_t *color)
 {
     p->shaded = false;
-    clear(p);
-    return compose(p, color);
+    clear_targets(p);
+    return compose_image(p, color);
 }
 
 enum status renderer_draw(struct renderer *p, const struct renderer_view *view, struct renderer_result *result)
@@ -648,9 +662,12 @@ enum status renderer_draw(struct renderer *p, const struct renderer_view *view, 
         status = actor_overlay_draw(p, view);
     if (status < 0)
         return status;
-    return view->color ? compose(p, view->color) : gpu_check(p->gpu);
+    return view->color ? compose_image(p, view->color) : gpu_check(p->gpu);
 }
 
-void renderer_set_error(struct renderer *p, double error_px) { p->error_px = error_px; }
+void renderer_set_error(struct renderer *renderer, double error_px) { renderer->error_px = error_px; }
 
-void renderer_set_sources(struct renderer *p, bool wanted) { p->writes_source = wanted && p->source; }
+void renderer_set_sources(struct renderer *renderer, bool wanted)
+{
+    renderer->writes_source = wanted && renderer->source;
+}

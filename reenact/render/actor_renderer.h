@@ -11,9 +11,9 @@
 // the take's images for the shown frame, 46 bytes a pixel of the viewer's (with all options),
 // and 16 MiB for meshes and the avatar's texture.
 #pragma once
-#include "reenact/avatar/avatar.h"
-#include "recording/recording.h"
 #include "platform/screen/gpu.h"
+#include "recording/recording.h"
+#include "reenact/avatar/avatar.h"
 #include "reenact/frame/frame_layer.h"
 #include "reenact/render/depth_overlay.h"
 #include "reenact/scene/occluder_mesh.h"
@@ -130,44 +130,46 @@ MUST_CHECK enum status renderer_read_source(struct renderer *p, uint8_t *rgb);
 MUST_CHECK enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar);
 
 // True: everything that was set is uploaded.
-bool renderer_upload_done(const struct renderer *p);
+bool renderer_upload_done(const struct renderer *renderer);
 
 // Uploads what is left of the avatar in one go: where a hitch costs less than another look of the actor.
-void renderer_finish_upload(struct renderer *p);
+void renderer_finish_upload(struct renderer *renderer);
 
 // For prefetching frame layers on another thread (frame_layer.h): the avatar, owned by the renderer,
 // valid until it is closed or another is set. NULL: there is none, or it is not uploaded yet.
-const struct avatar *renderer_avatar(const struct renderer *p);
+const struct avatar *renderer_avatar(const struct renderer *renderer);
 
 // Adds a prefetched frame layer. Images are the same with and without it. Takes over its contents
 // and zeroes *loaded, also on failure. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status renderer_add_frame(struct renderer *p, struct frame_layer *loaded);
 
 // The resident frame nearest in time to `frame`, at most within_ns away; -1: none.
-int64_t renderer_nearest_resident_frame(const struct renderer *p, int64_t frame, int64_t within_ns);
+int64_t renderer_nearest_resident_frame(const struct renderer *renderer, int64_t frame, int64_t within_ns);
 
 // ---- images as textures, top row first, premultiplied alpha; owned by the renderer
 
-const struct gpu_texture *renderer_actor_texture(struct renderer *p);   // the actor last drawn, alone
-const struct gpu_texture *renderer_shadow_texture(struct renderer *p);  // its shadow, to compose below it. NULL: none
-const struct gpu_texture *renderer_overlay_texture(struct renderer *p); // view.overlay's strokes. NULL: none drawn
+const struct gpu_texture *renderer_actor_texture(struct renderer *renderer); // the actor last drawn, alone
+const struct gpu_texture *
+renderer_shadow_texture(struct renderer *renderer); // its shadow, to compose below it. NULL: none
+const struct gpu_texture *
+renderer_overlay_texture(struct renderer *renderer); // view.overlay's strokes. NULL: none drawn
 
 // What was asked with the last view.overlay that had points: depth_overlay_read. ERR_DEVICE.
-MUST_CHECK enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MOST], int *count);
+MUST_CHECK enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MAX], int *count);
 
 // ---- changes between images
 
 // Sets the resolution scale per axis, (0, 1]: the share of the lens's pixels at which the actor is
 // drawn. Textures keep their displayed size; read-backs shrink. Allocates nothing. view.color must
 // then be NULL.
-void renderer_set_resolution_scale(struct renderer *p, double resolution_scale);
+void renderer_set_resolution_scale(struct renderer *renderer, double resolution_scale);
 
 // Replaces the viewer camera's lens; the resolution scale stays. Cheap unless the image size changes.
 // ERR_INPUT: nothing changed; ERR_DEVICE, ERR_MEMORY: the renderer can only be closed.
 MUST_CHECK enum status renderer_set_lens(struct renderer *p, const struct lens *lens);
 
 // With options.sources: whether the next images write their sources, which costs time. Initially true.
-void renderer_set_sources(struct renderer *p, bool wanted);
+void renderer_set_sources(struct renderer *renderer, bool wanted);
 
 // Sets the predicted error that DETAIL_AUTO accepts, pixels.
-void renderer_set_error(struct renderer *p, double error_px);
+void renderer_set_error(struct renderer *renderer, double error_px);

@@ -33,8 +33,8 @@ struct silhouette_corners {
     float low[2], high[2];        // bounds of x / z and y / z; infinite: some points are beside the camera
 };
 
-static void silhouette_edges_close(struct silhouette_edges **s);
-static int silhouette_edges_most(const struct silhouette_edges *s);
+static void silhouette_edges_close(struct silhouette_edges **edges);
+static int silhouette_edges_max(const struct silhouette_edges *edges);
 
 // ---------------------------------------------------------------- silhouette edges
 
@@ -65,7 +65,7 @@ static enum status silhouette_edges_open(struct silhouette_edges **out, const st
     s->bind_points = malloc(sizeof *s->bind_points * (size_t)m->point_count);
     s->placed = malloc(sizeof *s->placed * (size_t)m->point_count);
     s->front = malloc((size_t)m->corner_count / 3);
-    s->corners = malloc(sizeof *s->corners * (size_t)silhouette_edges_most(s));
+    s->corners = malloc(sizeof *s->corners * (size_t)silhouette_edges_max(s));
     if (!s->bind_points || !s->placed || !s->front || !s->corners) {
         silhouette_edges_close(out);
         return fail(ERR_MEMORY, "no memory for the silhouette");
@@ -77,30 +77,30 @@ static enum status silhouette_edges_open(struct silhouette_edges **out, const st
     return OK;
 }
 
-static void silhouette_edges_close(struct silhouette_edges **s)
+static void silhouette_edges_close(struct silhouette_edges **edges)
 {
-    if (!*s)
+    if (!*edges)
         return;
-    free((*s)->bind_points);
-    free((*s)->placed);
-    free((*s)->front);
-    free((*s)->corners);
-    free(*s);
-    *s = NULL;
+    free((*edges)->bind_points);
+    free((*edges)->placed);
+    free((*edges)->front);
+    free((*edges)->corners);
+    free(*edges);
+    *edges = NULL;
 }
 
 // corners, at most: triangles and ribbon
-static int silhouette_edges_most(const struct silhouette_edges *s)
+static int silhouette_edges_max(const struct silhouette_edges *edges)
 {
-    return (1 + RIBBON_CORNERS) * s->avatar->atlas.mesh.corner_count;
+    return (1 + RIBBON_CORNERS) * edges->avatar->atlas.mesh.corner_count;
 }
 
-static struct point3f shifted(struct point3f p, const float shift[3])
+static struct point3f shift_point(struct point3f point3f, const float shift[3])
 {
-    return (struct point3f){p.x + shift[0], p.y + shift[1], p.z + shift[2]};
+    return (struct point3f){point3f.x + shift[0], point3f.y + shift[1], point3f.z + shift[2]};
 }
 
-static struct point3f difference(struct point3f a, struct point3f b)
+static struct point3f vector_between(struct point3f a, struct point3f b)
 {
     return (struct point3f){b.x - a.x, b.y - a.y, b.z - a.z};
 }
@@ -118,26 +118,27 @@ static struct map_columns columns_of(const struct affine_map *map)
     return columns;
 }
 
-static struct point3f skinned(const struct skin_weights *skin, const struct map_columns *maps, struct point3f p)
+static struct point3f skin_point(const struct skin_weights *skin, const struct map_columns *maps,
+                                 struct point3f point3f)
 {
     float4 at = {0};
     for (int k = 0; k < SKIN_BONES; k++) {
         if (!(skin->weight[k] > 0))
             continue;
         const float4 *column = maps[skin->bone[k]].column;
-        at += skin->weight[k] * (column[0] * p.x + column[1] * p.y + column[2] * p.z + column[3]);
+        at += skin->weight[k] * (column[0] * point3f.x + column[1] * point3f.y + column[2] * point3f.z + column[3]);
     }
     return (struct point3f){at[0], at[1], at[2]};
 }
 
 // Front-facing triangles that are own (wanted), or those that are not.
-static int put_front(const struct silhouette_edges *s, const bool *own, bool wanted, uint16_t *out)
+static int put_front(const struct silhouette_edges *edges, const bool *own, bool wanted, uint16_t *out)
 {
-    const struct uv_mesh *m = &s->avatar->atlas.mesh;
+    const struct uv_mesh *m = &edges->avatar->atlas.mesh;
     int count = 0;
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
-        for (int k = 0; k < 3 && s->front[t] && own[t] == wanted; k++)
+        for (int k = 0; k < 3 && edges->front[t] && own[t] == wanted; k++)
             out[count++] = (uint16_t)c[k];
     }
     return count;
@@ -145,27 +146,28 @@ static int put_front(const struct silhouette_edges *s, const bool *own, bool wan
 
 // Whether the back-facing triangle `away` lies behind the plane of its front-facing neighbour. If it lies before it,
 // the edge between them is in a fold that the surface itself hides.
-static bool bends_back(const struct silhouette_edges *s, int front, int away)
+static bool bends_back(const struct silhouette_edges *edges, int front, int away)
 {
-    const int32_t *c = s->avatar->atlas.mesh.corners + 3 * (size_t)front,
-                  *o = s->avatar->atlas.mesh.corners + 3 * (size_t)away;
-    const struct point3f a = s->placed[c[0]], u = difference(a, s->placed[c[1]]), v = difference(a, s->placed[c[2]]);
+    const int32_t *c = edges->avatar->atlas.mesh.corners + 3 * (size_t)front,
+                  *o = edges->avatar->atlas.mesh.corners + 3 * (size_t)away;
+    const struct point3f a = edges->placed[c[0]], u = vector_between(a, edges->placed[c[1]]),
+                         v = vector_between(a, edges->placed[c[2]]);
     const struct point3f n = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
     float out = 0; // the two corners on the edge add 0
     for (int k = 0; k < 3; k++) {
-        const struct point3f to = difference(a, s->placed[o[k]]);
+        const struct point3f to = vector_between(a, edges->placed[o[k]]);
         out += n.x * to.x + n.y * to.y + n.z * to.z;
     }
     return out < 0;
 }
 
-static int put_ribbon(const struct silhouette_edges *s, uint16_t *out)
+static int put_ribbon(const struct silhouette_edges *edges, uint16_t *out)
 {
-    const struct uv_mesh *m = &s->avatar->atlas.mesh;
+    const struct uv_mesh *m = &edges->avatar->atlas.mesh;
     int count = 0;
     for (int i = 0; i < m->corner_count; i++) {
         int32_t other = m->neighbor[i / 3][i % 3];
-        if (!s->front[i / 3] || (other >= 0 && (s->front[other] || !bends_back(s, i / 3, other))))
+        if (!edges->front[i / 3] || (other >= 0 && (edges->front[other] || !bends_back(edges, i / 3, other))))
             continue;
         const int a = m->corners[i], b = m->corners[i % 3 == 2 ? i - 2 : i + 1];
         const int ribbon[RIBBON_CORNERS] = {a, b, m->point_count + b, a, m->point_count + b, m->point_count + a};
@@ -176,26 +178,26 @@ static int put_ribbon(const struct silhouette_edges *s, uint16_t *out)
 }
 
 // Drops triangles with more than half of their skin weight on absent parts.
-static void cull_absent(struct silhouette_edges *s, const bool *absent)
+static void cull_absent(struct silhouette_edges *edges, const bool *absent)
 {
-    const struct uv_mesh *m = &s->avatar->atlas.mesh;
+    const struct uv_mesh *m = &edges->avatar->atlas.mesh;
     for (int t = 0; t < m->corner_count / 3; t++) {
         float sum = 0; // over three corners
         for (int i = 0; i < 3 * SKIN_BONES; i++) {
-            const struct skin_weights *skin = &s->avatar->skins[m->points[m->corners[3 * t + i / SKIN_BONES]]];
+            const struct skin_weights *skin = &edges->avatar->skins[m->points[m->corners[3 * t + i / SKIN_BONES]]];
             sum += absent[bone_part(skin->bone[i % SKIN_BONES])] ? skin->weight[i % SKIN_BONES] : 0;
         }
-        s->front[t] = s->front[t] && sum <= 1.5F;
+        edges->front[t] = edges->front[t] && sum <= 1.5F;
     }
 }
 
-static void find_bounds(const struct silhouette_edges *s, struct silhouette_corners *out)
+static void find_bounds(const struct silhouette_edges *edges, struct silhouette_corners *out)
 {
     out->low[0] = out->low[1] = INFINITY;
     out->high[0] = out->high[1] = -INFINITY;
     float nearest = INFINITY;
-    for (int i = 0; i < s->avatar->atlas.mesh.point_count; i++) {
-        const struct point3f p = s->placed[i];
+    for (int i = 0; i < edges->avatar->atlas.mesh.point_count; i++) {
+        const struct point3f p = edges->placed[i];
         const float at[2] = {p.x / p.z, p.y / p.z};
         nearest = fminf(nearest, p.z);
         for (int a = 0; a < 2; a++) {
@@ -207,31 +209,33 @@ static void find_bounds(const struct silhouette_edges *s, struct silhouette_corn
         out->low[0] = -INFINITY;
 }
 
-static struct silhouette_corners silhouette_edges_find(struct silhouette_edges *s,
+static struct silhouette_corners silhouette_edges_find(struct silhouette_edges *edges,
                                                        const struct affine_map *viewer_from_bone, float (*shift)[3],
                                                        const bool *own, const bool *absent)
 {
-    const struct uv_mesh *m = &s->avatar->atlas.mesh;
+    const struct uv_mesh *m = &edges->avatar->atlas.mesh;
     struct map_columns maps[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)
         maps[b] = columns_of(&viewer_from_bone[b]);
     for (int i = 0; i < m->point_count; i++)
-        s->placed[i] = skinned(&s->avatar->skins[m->points[i]], maps, shifted(s->bind_points[i], shift[i]));
+        edges->placed[i] =
+            skin_point(&edges->avatar->skins[m->points[i]], maps, shift_point(edges->bind_points[i], shift[i]));
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
-        const struct point3f a = s->placed[c[0]], b = s->placed[c[1]], d = s->placed[c[2]];
-        s->front[t] = a.x * (b.y * d.z - b.z * d.y) + a.y * (b.z * d.x - b.x * d.z) + a.z * (b.x * d.y - b.y * d.x) < 0;
+        const struct point3f a = edges->placed[c[0]], b = edges->placed[c[1]], d = edges->placed[c[2]];
+        edges->front[t] =
+            a.x * (b.y * d.z - b.z * d.y) + a.y * (b.z * d.x - b.x * d.z) + a.z * (b.x * d.y - b.y * d.x) < 0;
     }
     bool all = true;
     for (int p = 0; p < PART_COUNT; p++)
         all = all && !absent[p];
     if (!all)
-        cull_absent(s, absent);
-    struct silhouette_corners out = {.corners = s->corners, .placed = s->placed};
-    find_bounds(s, &out);
-    out.own = put_front(s, own, true, s->corners);
-    out.front = out.own + put_front(s, own, false, s->corners + out.own);
-    out.ribbon = put_ribbon(s, s->corners + out.front);
+        cull_absent(edges, absent);
+    struct silhouette_corners out = {.corners = edges->corners, .placed = edges->placed};
+    find_bounds(edges, &out);
+    out.own = put_front(edges, own, true, edges->corners);
+    out.front = out.own + put_front(edges, own, false, edges->corners + out.own);
+    out.ribbon = put_ribbon(edges, edges->corners + out.front);
     return out;
 }
 
@@ -295,55 +299,55 @@ struct avatar_renderer {
 
 // ---------------------------------------------------------------- opening
 
-static void set_uniform(struct avatar_renderer *p, enum uniform uniform, const float *vec4s, int count)
+static void set_uniform(struct avatar_renderer *renderer, enum uniform uniform, const float *vec4s, int count)
 {
     for (int i = 0; i < PROGRAMS; i++)
-        gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
+        gpu_program_set(renderer->programs[i], (int)uniform, vec4s, count);
 }
 
-static void drop_avatar(struct avatar_renderer *p)
+static void drop_avatar(struct avatar_renderer *renderer)
 {
-    gpu_texture_close(&p->atlas_textures.color);
-    gpu_texture_close(&p->atlas_textures.seen_time);
-    p->atlas_textures = (struct atlas_textures){0};
-    p->warmed_up = 0;
-    gpu_mesh_close(&p->shown.mesh);
-    free(p->shown.vertices);
-    free(p->shown.corners);
-    free(p->shown.number);
-    p->shown = (struct shown_mesh){0};
-    silhouette_edges_close(&p->silhouette);
-    avatar_free(&p->avatar);
-    if (p->frames)
-        frame_layer_cache_clear(p->frames);
+    gpu_texture_close(&renderer->atlas_textures.color);
+    gpu_texture_close(&renderer->atlas_textures.seen_time);
+    renderer->atlas_textures = (struct atlas_textures){0};
+    renderer->warmed_up = 0;
+    gpu_mesh_close(&renderer->shown.mesh);
+    free(renderer->shown.vertices);
+    free(renderer->shown.corners);
+    free(renderer->shown.number);
+    renderer->shown = (struct shown_mesh){0};
+    silhouette_edges_close(&renderer->silhouette);
+    avatar_free(&renderer->avatar);
+    if (renderer->frames)
+        frame_layer_cache_clear(renderer->frames);
 }
 
-static enum status open_shown_mesh(struct avatar_renderer *p)
+static enum status open_shown_mesh(struct avatar_renderer *renderer)
 {
-    struct shown_mesh *m = &p->shown;
-    const int points = p->avatar.atlas.mesh.point_count, most = silhouette_edges_most(p->silhouette);
+    struct shown_mesh *m = &renderer->shown;
+    const int points = renderer->avatar.atlas.mesh.point_count, max = silhouette_edges_max(renderer->silhouette);
     if (2 * points > UINT16_MAX)
         return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
     m->vertices = malloc(sizeof *m->vertices * 2 * (size_t)points);
     m->number = malloc(sizeof *m->number * 2 * (size_t)points);
-    m->corners = malloc(sizeof *m->corners * (size_t)most);
+    m->corners = malloc(sizeof *m->corners * (size_t)max);
     if (!m->vertices || !m->number || !m->corners)
         return fail(ERR_MEMORY, "no memory for the avatar's renderer");
-    return gpu_mesh_open(&m->mesh, p->gpu, &(struct gpu_mesh_data){NULL, VERTEX, 2 * points, NULL, most});
+    return gpu_mesh_open(&m->mesh, renderer->gpu, &(struct gpu_mesh_data){NULL, VERTEX, 2 * points, NULL, max});
 }
 
-static enum status open_atlas_textures(struct avatar_renderer *p)
+static enum status open_atlas_textures(struct avatar_renderer *renderer)
 {
-    const struct uv_mesh *m = &p->avatar.atlas.mesh;
-    struct atlas_textures *b = &p->atlas_textures;
+    const struct uv_mesh *m = &renderer->avatar.atlas.mesh;
+    struct atlas_textures *textures = &renderer->atlas_textures;
     enum status status = gpu_texture_open(
-        &b->color, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, m->width, m->height, GPU_LINEAR}, NULL);
+        &textures->color, renderer->gpu, &(struct gpu_texture_layout){GPU_RGB8, m->width, m->height, GPU_LINEAR}, NULL);
     if (status == OK)
-        status = gpu_texture_open(&b->seen_time, p->gpu,
+        status = gpu_texture_open(&textures->seen_time, renderer->gpu,
                                   &(struct gpu_texture_layout){GPU_RGBA8, m->width, m->height, GPU_NEAREST}, NULL);
     if (status == OK)
-        status = silhouette_edges_open(&p->silhouette, &p->avatar);
-    return status == OK ? open_shown_mesh(p) : status;
+        status = silhouette_edges_open(&renderer->silhouette, &renderer->avatar);
+    return status == OK ? open_shown_mesh(renderer) : status;
 }
 
 enum status avatar_renderer_set_avatar(struct avatar_renderer *p, struct avatar *avatar)
@@ -357,11 +361,11 @@ enum status avatar_renderer_set_avatar(struct avatar_renderer *p, struct avatar 
     return status;
 }
 
-bool avatar_renderer_has_avatar(const struct avatar_renderer *p) { return p->shown.mesh; }
+bool avatar_renderer_has_avatar(const struct avatar_renderer *renderer) { return renderer->shown.mesh; }
 
-const struct avatar *avatar_renderer_avatar(const struct avatar_renderer *p)
+const struct avatar *avatar_renderer_avatar(const struct avatar_renderer *renderer)
 {
-    return avatar_renderer_has_avatar(p) ? &p->avatar : NULL;
+    return avatar_renderer_has_avatar(renderer) ? &renderer->avatar : NULL;
 }
 
 enum status avatar_renderer_add_frame(struct avatar_renderer *p, struct frame_layer *loaded)
@@ -369,50 +373,50 @@ enum status avatar_renderer_add_frame(struct avatar_renderer *p, struct frame_la
     return frame_layer_cache_add(p->frames, loaded);
 }
 
-int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *p, int64_t frame, int64_t within_ns)
+int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *renderer, int64_t frame, int64_t within_ns)
 {
-    return frame_layer_cache_nearest(p->frames, frame, within_ns);
+    return frame_layer_cache_nearest(renderer->frames, frame, within_ns);
 }
 
 // How many of `wanted` pieces, `piece` bytes each, fit into *bytes; subtracts them.
 static int take_from_budget(size_t *bytes, int wanted, size_t piece)
 {
-    size_t most = *bytes / piece;
-    int count = (size_t)wanted < most ? wanted : (int)most;
+    size_t max = *bytes / piece;
+    int count = (size_t)wanted < max ? wanted : (int)max;
     *bytes -= piece * (size_t)count;
     return count;
 }
 
-static void upload_rows(struct gpu_texture *t, const uint8_t *pixels, const struct uv_mesh *m, int each, int *rows,
-                        size_t *bytes)
+static void upload_rows(struct gpu_texture *texture, const uint8_t *pixels, const struct uv_mesh *mesh, int each,
+                        int *rows, size_t *bytes)
 {
-    size_t row = (size_t)each * (size_t)m->width;
-    int count = take_from_budget(bytes, m->height - *rows, row);
+    size_t row = (size_t)each * (size_t)mesh->width;
+    int count = take_from_budget(bytes, mesh->height - *rows, row);
     if (count)
-        gpu_texture_write_rows(t, *rows, count, pixels + row * (size_t)*rows);
+        gpu_texture_write_rows(texture, *rows, count, pixels + row * (size_t)*rows);
     *rows += count;
 }
 
-bool avatar_renderer_upload_step(struct avatar_renderer *p, size_t bytes)
+bool avatar_renderer_upload_step(struct avatar_renderer *renderer, size_t bytes)
 {
-    struct atlas_textures *b = &p->atlas_textures;
-    struct texture_atlas *a = &p->avatar.atlas;
-    if (!avatar_renderer_has_avatar(p))
+    struct atlas_textures *textures = &renderer->atlas_textures;
+    struct texture_atlas *a = &renderer->avatar.atlas;
+    if (!avatar_renderer_has_avatar(renderer))
         return false;
-    upload_rows(b->color, a->color, &a->mesh, 3, &b->color_rows, &bytes);
-    upload_rows(b->seen_time, a->seen_time, &a->mesh, 4, &b->seen_time_rows, &bytes);
-    return b->seen_time_rows == a->mesh.height;
+    upload_rows(textures->color, a->color, &a->mesh, 3, &textures->color_rows, &bytes);
+    upload_rows(textures->seen_time, a->seen_time, &a->mesh, 4, &textures->seen_time_rows, &bytes);
+    return textures->seen_time_rows == a->mesh.height;
 }
 
-void avatar_renderer_set_lens(struct avatar_renderer *p, const struct lens *view)
+void avatar_renderer_set_lens(struct avatar_renderer *renderer, const struct lens *view)
 {
     float lens[12];
     lens_uniform(view, lens);
-    p->view = *view;
-    set_uniform(p, VIEW_LENS, lens, 3);
+    renderer->view = *view;
+    set_uniform(renderer, VIEW_LENS, lens, 3);
 }
 
-static enum status open_programs(struct avatar_renderer *p, const struct lens *view)
+static enum status open_programs(struct avatar_renderer *renderer, const struct lens *view)
 {
     for (int i = 0; i < PROGRAMS; i++) {
         const struct gpu_program_source text = {.name = plans[i].fragment,
@@ -423,13 +427,13 @@ static enum status open_programs(struct avatar_renderer *p, const struct lens *v
                                                 .samplers = plans[i].samplers,
                                                 .sampler_count = plans[i].sampler_count,
                                                 .word = plans[i].define};
-        enum status status = gpu_program_open(&p->programs[i], p->gpu, &text);
+        enum status status = gpu_program_open(&renderer->programs[i], renderer->gpu, &text);
         if (status != OK)
             return status;
     }
     const float range[4] = {NEAREST_M, VIEW_FARTHEST_M, 0, 0};
-    avatar_renderer_set_lens(p, view);
-    set_uniform(p, VIEW_RANGE, range, 1);
+    avatar_renderer_set_lens(renderer, view);
+    set_uniform(renderer, VIEW_RANGE, range, 1);
     return OK;
 }
 
@@ -451,28 +455,28 @@ enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu, 
 
 void avatar_renderer_close(struct avatar_renderer **out)
 {
-    struct avatar_renderer *p = *out;
-    if (!p)
+    struct avatar_renderer *renderer = *out;
+    if (!renderer)
         return;
-    drop_avatar(p);
-    frame_layer_cache_close(&p->frames);
+    drop_avatar(renderer);
+    frame_layer_cache_close(&renderer->frames);
     for (int i = 0; i < PROGRAMS; i++)
-        gpu_program_close(&p->programs[i]);
-    free(p);
+        gpu_program_close(&renderer->programs[i]);
+    free(renderer);
     *out = NULL;
 }
 
 // ---------------------------------------------------------------- drawing
 
 // Returns the number of parts before the camera; parts with unknown joints are marked absent.
-static int find_absent(const struct avatar_renderer *p, const struct avatar_view *view, bool absent[PART_COUNT])
+static int find_absent(const struct avatar_renderer *renderer, const struct avatar_view *view, bool absent[PART_COUNT])
 {
     int present = 0;
     const struct skeleton *s = &view->skeleton;
     struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
     for (int part = 0; part < PART_COUNT; part++) {
         const enum joint ends[] = {part_ends[part].from, part_ends[part].to};
-        bool known = part_is_known(take_body(p->take), s, (enum part)part), before = false;
+        bool known = part_is_known(take_body(renderer->take), s, (enum part)part), before = false;
         for (int e = 0; e < 2 && known; e++)
             before |= pose_apply(viewer_from_world, s->joint[ends[e]]).z > (double)NEAREST_M;
         known = known && v3_distance(s->joint[ends[0]], s->joint[ends[1]]) > 1e-3;
@@ -483,36 +487,38 @@ static int find_absent(const struct avatar_renderer *p, const struct avatar_view
 }
 
 // The vertex of point i or, from point_count on, of a point's double (opacity 0).
-static void put_vertex(const struct avatar_renderer *p, const struct gpu_frame_layer *now,
+static void put_vertex(const struct avatar_renderer *renderer, const struct gpu_frame_layer *now,
                        const struct silhouette_corners *from, int i, float v[VERTEX])
 {
-    const struct uv_mesh *m = &p->avatar.atlas.mesh;
+    const struct uv_mesh *m = &renderer->avatar.atlas.mesh;
     const int point = i % m->point_count;
-    const struct frame_layer_point *k = &now->points[point];
+    const struct frame_layer_point *frame_layer_point = &now->points[point];
     const struct point3f *at = &from->placed[point];
     const float u = m->at[point][0] / (float)m->width, t = m->at[point][1] / (float)m->height;
     const float opaque = i < m->point_count;
-    const float values[][4] = {{at->x, at->y, at->z, opaque},                               // point
-                               {u, t, k->color_uv[0], k->color_uv[1]},                      // vertex_uv
-                               {k->depth_uv[0], k->depth_uv[1], k->depth_m, k->visibility}, // vertex_sample
-                               {k->normal[0], k->normal[1], k->normal[2], k->irradiance}};  // normal_and_light
+    const float values[][4] = {{at->x, at->y, at->z, opaque},                                          // point
+                               {u, t, frame_layer_point->color_uv[0], frame_layer_point->color_uv[1]}, // vertex_uv
+                               {frame_layer_point->depth_uv[0], frame_layer_point->depth_uv[1],
+                                frame_layer_point->depth_m, frame_layer_point->visibility}, // vertex_sample
+                               {frame_layer_point->normal[0], frame_layer_point->normal[1],
+                                frame_layer_point->normal[2], frame_layer_point->irradiance}}; // normal_and_light
     _Static_assert(sizeof values == VERTEX * sizeof *v, "avatar.vert's inputs");
     memcpy(v, values, sizeof values);
 }
 
 // Uploads only the points that are drawn, in the order of first use.
-static void upload_shown_mesh(struct avatar_renderer *p, const struct gpu_frame_layer *now,
+static void upload_shown_mesh(struct avatar_renderer *renderer, const struct gpu_frame_layer *now,
                               const struct silhouette_corners *from)
 {
-    struct shown_mesh *m = &p->shown;
+    struct shown_mesh *m = &renderer->shown;
     const int count = from->front + from->ribbon;
-    memset(m->number, 0xff, sizeof *m->number * 2 * (size_t)p->avatar.atlas.mesh.point_count);
+    memset(m->number, 0xff, sizeof *m->number * 2 * (size_t)renderer->avatar.atlas.mesh.point_count);
     m->vertex_count = 0;
     for (int i = 0; i < count; i++) {
         int32_t *number = &m->number[from->corners[i]];
         if (*number < 0) {
             *number = m->vertex_count++;
-            put_vertex(p, now, from, from->corners[i], m->vertices[*number]);
+            put_vertex(renderer, now, from, from->corners[i], m->vertices[*number]);
         }
         m->corners[i] = (uint16_t)*number;
     }
@@ -524,33 +530,33 @@ static void upload_shown_mesh(struct avatar_renderer *p, const struct gpu_frame_
 // ribbon.
 enum layer { OWN, OTHERS, RIBBON, LAYERS };
 
-static void draw_layer(struct avatar_renderer *p, enum layer layer, const struct gpu_job *of)
+static void draw_layer(struct avatar_renderer *renderer, enum layer layer, const struct gpu_job *of)
 {
     const struct gpu_texture *room = of->textures[3];
     struct gpu_job job = *of;
-    job.mesh = p->shown.mesh;
-    job.textures[0] = p->atlas_textures.color;
-    job.program = p->programs[room ? AVATAR_OCCLUDED : AVATAR];
+    job.mesh = renderer->shown.mesh;
+    job.textures[0] = renderer->atlas_textures.color;
+    job.program = renderer->programs[room ? AVATAR_OCCLUDED : AVATAR];
     job.closed = layer != RIBBON; // the ribbon's triangles have either winding
     job.depth_test = true;
     job.blend = layer == RIBBON;
     job.no_depth_write = layer == RIBBON; // where two ribbons cross, the depth's last bit would decide which is seen
     if (layer != OWN) {
-        job.program = p->programs[room ? FUSED_OCCLUDED : FUSED];
+        job.program = renderer->programs[room ? FUSED_OCCLUDED : FUSED];
         job.textures[1] = room;
     }
     gpu_draw(&job);
 }
 
-static void draw_colors(struct avatar_renderer *p, const struct avatar_view *view, const struct gpu_frame_layer *now,
-                        const struct silhouette_corners *corners, struct gpu_box box)
+static void draw_colors(struct avatar_renderer *renderer, const struct avatar_view *view,
+                        const struct gpu_frame_layer *now, const struct silhouette_corners *corners, struct gpu_box box)
 {
     const int ends[LAYERS] = {corners->own, corners->front, corners->front + corners->ribbon};
     struct gpu_job job = {.target = view->actor, .textures = {NULL, now->color, now->depth, view->room}, .within = box};
     for (int layer = 0; layer < LAYERS; layer++) {
         job.count = ends[layer] - job.first;
         if (job.count)
-            draw_layer(p, (enum layer)layer, &job);
+            draw_layer(renderer, (enum layer)layer, &job);
         job.first = ends[layer];
     }
 }

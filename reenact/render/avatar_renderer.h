@@ -21,10 +21,10 @@ void avatar_renderer_close(struct avatar_renderer **p);
 // a failure there is no avatar. ERR_INPUT: more vertices than 16-bit indices address;
 // ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status avatar_renderer_set_avatar(struct avatar_renderer *p, struct avatar *avatar);
-bool avatar_renderer_has_avatar(const struct avatar_renderer *p);
+bool avatar_renderer_has_avatar(const struct avatar_renderer *renderer);
 
 // Uploads at most `bytes` more of the atlas. True: all is uploaded, the avatar can be drawn.
-bool avatar_renderer_upload_step(struct avatar_renderer *p, size_t bytes);
+bool avatar_renderer_upload_step(struct avatar_renderer *renderer, size_t bytes);
 
 // Draws an empty triangle with the next combination of program and state that an image may use, into `actor` and with
 // `room` as in avatar_view: software rasterisers compile a program when it is first drawn with, once per state. *done:
@@ -33,16 +33,16 @@ MUST_CHECK enum status avatar_renderer_warm_up(struct avatar_renderer *p, struct
                                                const struct gpu_texture *room, bool *done);
 
 // The avatar, constant until it is replaced; NULL: none.
-const struct avatar *avatar_renderer_avatar(const struct avatar_renderer *p);
+const struct avatar *avatar_renderer_avatar(const struct avatar_renderer *renderer);
 
 // Adds a frame layer that was loaded elsewhere from this same avatar. Takes over its contents and zeroes *loaded, also
 // on failure. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status avatar_renderer_add_frame(struct avatar_renderer *p, struct frame_layer *loaded);
 // The resident frame nearest in time to `frame`, at most within_ns away; -1: none.
-int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *p, int64_t frame, int64_t within_ns);
+int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *renderer, int64_t frame, int64_t within_ns);
 
 // Replaces the viewer camera's lens.
-void avatar_renderer_set_lens(struct avatar_renderer *p, const struct lens *view);
+void avatar_renderer_set_lens(struct avatar_renderer *renderer, const struct lens *view);
 
 struct avatar_view {
     int64_t frame;            // whose layer is drawn: nearest in time, or a resident one near it

@@ -2,9 +2,9 @@
 #include "reenact/render/cylinder_renderer.h"
 
 #include "base/threads.h"
-#include "reenact/skeleton/body_cylinders.h"
 #include "reenact/render/shaders.h"
 #include "reenact/render/texture_cache.h"
+#include "reenact/skeleton/body_cylinders.h"
 
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -72,30 +72,31 @@ static void *make_whole_selector(void *self)
     return NULL;
 }
 
-static enum status open_selector(struct cylinder_renderer *c, int64_t frames_first)
+static enum status open_selector(struct cylinder_renderer *renderer, int64_t frames_first)
 {
-    const int64_t frames = take_frame_count(c->take);
+    const int64_t frames = take_frame_count(renderer->take);
     const int64_t step = frames_first > 0 ? (frames + frames_first - 1) / frames_first : 1;
-    enum status status = make_selector(&c->selector, c->take, step > 0 ? step : 1, NULL);
+    enum status status = make_selector(&renderer->selector, renderer->take, step > 0 ? step : 1, NULL);
     if (status == OK && step > 1) // without a thread those frames are all that there is
-        status_ignore(worker_thread_start(&c->maker.worker, make_whole_selector, c, "to prepare all frames"));
+        status_ignore(
+            worker_thread_start(&renderer->maker.worker, make_whole_selector, renderer, "to prepare all frames"));
     return status;
 }
 
 // Takes over the selector of all frames once it is made.
-static void adopt_selector(struct cylinder_renderer *c)
+static void adopt_selector(struct cylinder_renderer *renderer)
 {
-    if (!c->maker.worker.runs || !atomic_load(&c->maker.ended))
+    if (!renderer->maker.worker.runs || !atomic_load(&renderer->maker.ended))
         return;
-    worker_thread_stop(&c->maker.worker);
-    if (!c->maker.selector)
+    worker_thread_stop(&renderer->maker.worker);
+    if (!renderer->maker.selector)
         return;
-    frame_selector_close(&c->selector);
-    c->selector = c->maker.selector;
-    c->maker.selector = NULL;
+    frame_selector_close(&renderer->selector);
+    renderer->selector = renderer->maker.selector;
+    renderer->maker.selector = NULL;
 }
 
-static enum status open_program(struct cylinder_renderer *c)
+static enum status open_program(struct cylinder_renderer *renderer)
 {
     static const char *const samplers[] = {"source_image"};
     const struct gpu_program_source text = {.name = "actor",
@@ -105,14 +106,14 @@ static enum status open_program(struct cylinder_renderer *c)
                                             .uniform_count = UNIFORMS,
                                             .samplers = samplers,
                                             .sampler_count = 1};
-    enum status status = gpu_program_open(&c->program, c->gpu, &text);
+    enum status status = gpu_program_open(&renderer->program, renderer->gpu, &text);
     if (status != OK)
         return status;
     const float range[4] = {(float)VIEW_NEAREST_M, VIEW_FARTHEST_M, 0, 0};
     float lens[12];
-    lens_uniform(&take_calibration(c->take)->color, lens);
-    gpu_program_set(c->program, SOURCE_LENS, lens, 3);
-    gpu_program_set(c->program, VIEW_RANGE, range, 1);
+    lens_uniform(&take_calibration(renderer->take)->color, lens);
+    gpu_program_set(renderer->program, SOURCE_LENS, lens, 3);
+    gpu_program_set(renderer->program, VIEW_RANGE, range, 1);
     return OK;
 }
 
@@ -154,12 +155,12 @@ void cylinder_renderer_close(struct cylinder_renderer **out)
     *out = NULL;
 }
 
-void cylinder_renderer_set_lens(struct cylinder_renderer *c, const struct lens *view)
+void cylinder_renderer_set_lens(struct cylinder_renderer *renderer, const struct lens *view)
 {
     float lens[12];
     lens_uniform(view, lens);
-    c->view_fx = view->fx;
-    gpu_program_set(c->program, VIEW_LENS, lens, 3);
+    renderer->view_fx = view->fx;
+    gpu_program_set(renderer->program, VIEW_LENS, lens, 3);
 }
 
 enum status cylinder_renderer_select(struct cylinder_renderer *c, const struct skeleton *in_viewer,
@@ -171,55 +172,56 @@ enum status cylinder_renderer_select(struct cylinder_renderer *c, const struct s
 
 // ---------------------------------------------------------------- drawing
 
-static enum status mesh_for(struct cylinder_renderer *c, bool plain, enum part part, double radius_px,
+static enum status mesh_for(struct cylinder_renderer *renderer, bool plain, enum part part, double radius_px,
                             struct gpu_mesh **out)
 {
     int sides = cylinder_sides(radius_px, SILHOUETTE_ERROR_PX), which = 0;
     while (8 << which < sides)
         which++;
-    struct gpu_mesh **kept = plain ? &c->open[which] : &c->rounded[part][which];
+    struct gpu_mesh **kept = plain ? &renderer->open[which] : &renderer->rounded[part][which];
     *out = *kept;
     if (*out)
         return OK;
     struct cylinder_mesh mesh;
     enum cylinder_shape shape = plain ? CYLINDER_OPEN : CYLINDER_ROUNDED;
-    enum status status = cylinder_mesh_make(shape, take_body(c->take)->radius_rate[part], sides, ALONG, &mesh);
+    enum status status = cylinder_mesh_make(shape, take_body(renderer->take)->radius_rate[part], sides, ALONG, &mesh);
     if (status != OK)
         return status;
-    status = gpu_mesh_open(
-        kept, c->gpu, &(struct gpu_mesh_data){mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count});
+    status =
+        gpu_mesh_open(kept, renderer->gpu,
+                      &(struct gpu_mesh_data){mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count});
     cylinder_mesh_free(&mesh);
     *out = *kept;
     return status;
 }
 
 // A part's source frame and its texture. NOTHING: there is none.
-static enum status texture_for(struct cylinder_renderer *c, const struct cylinder_view *view,
+static enum status texture_for(struct cylinder_renderer *renderer, const struct cylinder_view *view,
                                struct frame_selection chosen, enum part part, int64_t *frame,
                                struct source_texture *texture)
 {
     if (view->whole) {
         *frame = view->whole->frame;
-        return texture_cache_whole(c->textures, *frame, texture);
+        return texture_cache_whole(renderer->textures, *frame, texture);
     }
     enum status status = chosen.frame < 0 ? NOTHING : OK;
     while (status == OK) {
         *frame = chosen.frame;
-        status = texture_cache_part(c->textures, chosen.frame, part, texture);
+        status = texture_cache_part(renderer->textures, chosen.frame, part, texture);
         if (status != NOTHING)
             return status;
-        frame_selector_exclude(c->selector, chosen.frame,
+        frame_selector_exclude(renderer->selector, chosen.frame,
                                part); // its image does not show the part, though its joints do
-        status = frame_selector_find_part(c->selector, view->in_viewer, part, &chosen);
+        status = frame_selector_find_part(renderer->selector, view->in_viewer, part, &chosen);
     }
     return status;
 }
 
 // Draws one part, textured from its source frame. NOTHING: not drawn.
-static enum status draw_part(struct cylinder_renderer *c, const struct cylinder_view *view,
+static enum status draw_part(struct cylinder_renderer *renderer, const struct cylinder_view *view,
                              struct frame_selection chosen, enum part part)
 {
-    const struct body *body = take_body(c->take);
+    const struct body *body = take_body(renderer->take);
     const struct vec3 eye = v3(0, 0, 0);
     struct bone_frame here, there;
     struct gpu_mesh *mesh;
@@ -231,26 +233,27 @@ static enum status draw_part(struct cylinder_renderer *c, const struct cylinder_
     double nearest_z = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
     if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < VIEW_NEAREST_M)
         return NOTHING; // behind the camera
-    enum status status = texture_for(c, view, chosen, part, &frame, &texture);
+    enum status status = texture_for(renderer, view, chosen, part, &frame, &texture);
     if (status != OK)
         return status;
-    if (!bone_frame_viewer_aligned(&take_entry(c->take, frame)->skeleton, part, eye, &there))
+    if (!bone_frame_viewer_aligned(&take_entry(renderer->take, frame)->skeleton, part, eye, &there))
         return NOTHING;
-    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(nearest_z, VIEW_NEAREST_M), &mesh);
+    status = mesh_for(renderer, view->whole, part, renderer->view_fx * radius / fmax(nearest_z, VIEW_NEAREST_M), &mesh);
     if (status != OK)
         return status;
     struct affine_map viewer_from_part = cylinder_affine(&here, radius);
     struct affine_map source_from_part = cylinder_affine(&there, body->radius_rate[part] * there.length);
-    gpu_program_set(c->program, VIEWER_FROM_PART, viewer_from_part.row[0], 3);
-    gpu_program_set(c->program, SOURCE_FROM_PART, source_from_part.row[0], 3);
-    gpu_program_set(c->program, SOURCE_WINDOW, texture.window, 1);
-    int64_t age = llabs(take_entry(c->take, frame)->time_ns - take_entry(c->take, view->shown)->time_ns) / 10000000;
+    gpu_program_set(renderer->program, VIEWER_FROM_PART, viewer_from_part.row[0], 3);
+    gpu_program_set(renderer->program, SOURCE_FROM_PART, source_from_part.row[0], 3);
+    gpu_program_set(renderer->program, SOURCE_WINDOW, texture.window, 1);
+    int64_t age =
+        llabs(take_entry(renderer->take, frame)->time_ns - take_entry(renderer->take, view->shown)->time_ns) / 10000000;
     age = age < 65535 ? age : 65535;
     for (int coded = 0; coded < (view->source ? 2 : 1); coded++) {
         const float code[4] = {170.0F / 255, (float)(age / 256) / 255, (float)(age % 256) / 255, (float)coded};
-        gpu_program_set(c->program, CODE, code, 1);
+        gpu_program_set(renderer->program, CODE, code, 1);
         gpu_draw(&(struct gpu_job){.target = coded ? view->source : view->actor,
-                                   .program = c->program,
+                                   .program = renderer->program,
                                    .mesh = mesh,
                                    .textures = {texture.texture},
                                    .depth_test = true});

@@ -2,8 +2,8 @@
 // [D14] 4.2): open cylinders with one source frame for all parts, as the paper has it, or
 // rounded ones with a source frame for each part. One thread: that of the GPU context.
 #pragma once
-#include "recording/recording.h"
 #include "platform/screen/gpu.h"
+#include "recording/recording.h"
 #include "reenact/retrieval/frame_selection.h"
 
 struct cylinder_renderer;
@@ -15,7 +15,7 @@ struct cylinder_renderer;
 MUST_CHECK enum status cylinder_renderer_open(struct cylinder_renderer **out, struct gpu *gpu, struct take *take,
                                               size_t max_bytes, int64_t frames_first);
 void cylinder_renderer_close(struct cylinder_renderer **c); // NULL is fine
-void cylinder_renderer_set_lens(struct cylinder_renderer *c, const struct lens *view);
+void cylinder_renderer_set_lens(struct cylinder_renderer *renderer, const struct lens *view);
 
 // The frame whose skeleton is nearest to in_viewer (viewer camera's axes): [D14] eq. 5, frame_selector_find_body.
 MUST_CHECK enum status cylinder_renderer_select(struct cylinder_renderer *c, const struct skeleton *in_viewer,

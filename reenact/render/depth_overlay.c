@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 enum { STROKE_FLOATS = 12, SEEN_FLOATS = 8, QUAD = 4, QUAD_CORNERS = 6 };
-enum { POINTS_MOST = OVERLAY_GROUPS_MOST * OVERLAY_POINTS };
+enum { POINTS_MAX = OVERLAY_GROUPS_MAX * OVERLAY_POINTS };
 static const double FARTHEST_PX = 1e5; // a stroke's end farther outside of the image is not drawn
 
 enum program { STROKE, STROKE_ROOM, SEEN, SEEN_ROOM, PROGRAMS };
@@ -17,11 +17,11 @@ struct depth_overlay {
     struct gpu_mesh *strokes, *points;
     struct gpu_target *answers; // a pixel for each point, a row for each group
     float (*stroke_vertices)[STROKE_FLOATS], (*point_vertices)[SEEN_FLOATS];
-    bool inside[POINTS_MOST]; // the image contains the point
-    int groups;               // asked for last
+    bool inside[POINTS_MAX]; // the image contains the point
+    int groups;              // asked for last
 };
 
-static enum status open_programs(struct depth_overlay *o, struct gpu *gpu)
+static enum status open_programs(struct depth_overlay *overlay, struct gpu *gpu)
 {
     static const char *const samplers[] = {"actor", "room"};
     enum status status = OK;
@@ -35,7 +35,7 @@ static enum status open_programs(struct depth_overlay *o, struct gpu *gpu)
                                                 .samplers = samplers,
                                                 .sampler_count = room ? 2 : 1,
                                                 .word = room ? "ROOM_OCCLUSION" : NULL};
-        status = gpu_program_open(&o->programs[i], gpu, &text);
+        status = gpu_program_open(&overlay->programs[i], gpu, &text);
     }
     return status;
 }
@@ -59,17 +59,17 @@ enum status depth_overlay_open(struct depth_overlay **out, struct gpu *gpu)
     struct depth_overlay *o = *out = calloc(1, sizeof *o);
     if (!o)
         return fail(ERR_MEMORY, "no memory for the overlay");
-    o->stroke_vertices = calloc((size_t)QUAD * OVERLAY_STROKES_MOST, sizeof *o->stroke_vertices);
-    o->point_vertices = calloc((size_t)QUAD * POINTS_MOST, sizeof *o->point_vertices);
+    o->stroke_vertices = calloc((size_t)QUAD * OVERLAY_STROKES_MAX, sizeof *o->stroke_vertices);
+    o->point_vertices = calloc((size_t)QUAD * POINTS_MAX, sizeof *o->point_vertices);
     enum status status = o->stroke_vertices && o->point_vertices ? OK : fail(ERR_MEMORY, "no memory for the overlay");
     if (status == OK)
         status = open_programs(o, gpu);
     if (status == OK)
-        status = open_quads(&o->strokes, gpu, STROKE_FLOATS, OVERLAY_STROKES_MOST);
+        status = open_quads(&o->strokes, gpu, STROKE_FLOATS, OVERLAY_STROKES_MAX);
     if (status == OK)
-        status = open_quads(&o->points, gpu, SEEN_FLOATS, POINTS_MOST);
+        status = open_quads(&o->points, gpu, SEEN_FLOATS, POINTS_MAX);
     if (status == OK)
-        status = gpu_target_open_color(&o->answers, gpu, OVERLAY_POINTS, OVERLAY_GROUPS_MOST);
+        status = gpu_target_open_color(&o->answers, gpu, OVERLAY_POINTS, OVERLAY_GROUPS_MAX);
     if (status != OK)
         depth_overlay_close(out);
     return status;
@@ -98,7 +98,7 @@ static double clip_depth(double z_m)
     return ((f + n) * z_m - 2 * f * n) / ((f - n) * z_m);
 }
 
-static bool project(const struct lens *lens, struct vec3 p, struct pixel *out)
+static bool project_point(const struct lens *lens, struct vec3 p, struct pixel *out)
 {
     if (!(p.z > VIEW_NEAREST_M && p.z < VIEW_FARTHEST_M))
         return false;
@@ -108,49 +108,50 @@ static bool project(const struct lens *lens, struct vec3 p, struct pixel *out)
 
 // ---------------------------------------------------------------- strokes
 
-static bool put_stroke(const struct overlay_picture *picture, const struct overlay_stroke *s, float (*v)[STROKE_FLOATS])
+static bool put_stroke(const struct overlay_picture *picture, const struct overlay_stroke *stroke,
+                       float (*v)[STROKE_FLOATS])
 {
     struct pixel from, to;
-    if (!project(&picture->lens, s->from, &from) || !project(&picture->lens, s->to, &to))
+    if (!project_point(&picture->lens, stroke->from, &from) || !project_point(&picture->lens, stroke->to, &to))
         return false;
     const double dx = to.x - from.x, dy = to.y - from.y, length = sqrt(dx * dx + dy * dy),
-                 radius = s->width_px * picture->scale / 2;
+                 radius = stroke->width_px * picture->scale / 2;
     const double ax = length > 0 ? dx / length : 1, ay = length > 0 ? dy / length : 0, reach = radius + 1;
     for (int i = 0; i < QUAD; i++) {
         const bool end = i / 2;
         const double along = end ? length + reach : -reach, across = i % 2 ? reach : -reach;
         const double values[STROKE_FLOATS] = {from.x + along * ax - across * ay,
                                               from.y + along * ay + across * ax,
-                                              clip_depth(end ? s->to.z : s->from.z),
+                                              clip_depth(end ? stroke->to.z : stroke->from.z),
                                               radius,
                                               along,
                                               across,
                                               length,
-                                              s->dash_px * picture->scale,
-                                              (s->color >> 24) / 255.0,
-                                              (s->color >> 16 & 255) / 255.0,
-                                              (s->color >> 8 & 255) / 255.0,
-                                              (s->color & 255) / 255.0};
+                                              stroke->dash_px * picture->scale,
+                                              (stroke->color >> 24) / 255.0,
+                                              (stroke->color >> 16 & 255) / 255.0,
+                                              (stroke->color >> 8 & 255) / 255.0,
+                                              (stroke->color & 255) / 255.0};
         for (int k = 0; k < STROKE_FLOATS; k++)
             v[i][k] = (float)values[k];
     }
     return true;
 }
 
-static void draw_strokes(struct depth_overlay *o, struct gpu_target *target, const struct overlay_picture *picture,
-                         const struct overlay *overlay)
+static void draw_strokes(struct depth_overlay *depth_overlay, struct gpu_target *target,
+                         const struct overlay_picture *picture, const struct overlay *overlay)
 {
     int count = 0;
-    for (int i = 0; i < overlay->stroke_count && count < OVERLAY_STROKES_MOST; i++)
-        count += put_stroke(picture, &overlay->strokes[i], o->stroke_vertices + QUAD * count);
+    for (int i = 0; i < overlay->stroke_count && count < OVERLAY_STROKES_MAX; i++)
+        count += put_stroke(picture, &overlay->strokes[i], depth_overlay->stroke_vertices + QUAD * count);
     if (!count)
         return;
-    struct gpu_program *program = o->programs[picture->room ? STROKE_ROOM : STROKE];
-    gpu_mesh_write_vertices(o->strokes, 0, o->stroke_vertices[0], STROKE_FLOATS * QUAD * count);
+    struct gpu_program *program = depth_overlay->programs[picture->room ? STROKE_ROOM : STROKE];
+    gpu_mesh_write_vertices(depth_overlay->strokes, 0, depth_overlay->stroke_vertices[0], STROKE_FLOATS * QUAD * count);
     gpu_program_set(program, 0, (const float[4]){(float)picture->lens.width, (float)picture->lens.height, 0, 0}, 1);
     gpu_draw(&(struct gpu_job){.target = target,
                                .program = program,
-                               .mesh = o->strokes,
+                               .mesh = depth_overlay->strokes,
                                .textures = {picture->actor, picture->room},
                                .blend = true,
                                .count = QUAD_CORNERS * count});
@@ -158,17 +159,18 @@ static void draw_strokes(struct depth_overlay *o, struct gpu_target *target, con
 
 // ---------------------------------------------------------------- points
 
-static void put_point(const struct overlay_picture *picture, struct vec3 point, int number, struct depth_overlay *o)
+static void put_point(const struct overlay_picture *picture, struct vec3 point, int number,
+                      struct depth_overlay *overlay)
 {
     struct pixel px = {0, 0};
     const struct lens *l = &picture->lens;
     const bool inside =
-        project(l, point, &px) && px.x >= 0 && px.y >= 0 && px.x <= l->width - 1 && px.y <= l->height - 1;
-    o->inside[number] = inside;
+        project_point(l, point, &px) && px.x >= 0 && px.y >= 0 && px.x <= l->width - 1 && px.y <= l->height - 1;
+    overlay->inside[number] = inside;
     for (int i = 0; i < QUAD; i++) {
         const double x = number % OVERLAY_POINTS + i % 2, y = number / OVERLAY_POINTS + i / 2;
         const double values[SEEN_FLOATS] = {2 * x / OVERLAY_POINTS - 1,
-                                            2 * y / OVERLAY_GROUPS_MOST - 1,
+                                            2 * y / OVERLAY_GROUPS_MAX - 1,
                                             0,
                                             0,
                                             px.x,
@@ -176,36 +178,37 @@ static void put_point(const struct overlay_picture *picture, struct vec3 point, 
                                             inside ? clip_depth(point.z) : -1,
                                             0};
         for (int k = 0; k < SEEN_FLOATS; k++)
-            o->point_vertices[QUAD * number + i][k] = (float)values[k];
+            overlay->point_vertices[QUAD * number + i][k] = (float)values[k];
     }
 }
 
-static void ask_points(struct depth_overlay *o, const struct overlay_picture *picture, const struct overlay *overlay)
+static void ask_points(struct depth_overlay *depth_overlay, const struct overlay_picture *picture,
+                       const struct overlay *overlay)
 {
-    o->groups = overlay->group_count < OVERLAY_GROUPS_MOST ? overlay->group_count : OVERLAY_GROUPS_MOST;
-    const int count = o->groups * OVERLAY_POINTS;
+    depth_overlay->groups = overlay->group_count < OVERLAY_GROUPS_MAX ? overlay->group_count : OVERLAY_GROUPS_MAX;
+    const int count = depth_overlay->groups * OVERLAY_POINTS;
     for (int i = 0; i < count; i++)
-        put_point(picture, overlay->groups[i / OVERLAY_POINTS].point[i % OVERLAY_POINTS], i, o);
-    gpu_mesh_write_vertices(o->points, 0, o->point_vertices[0], SEEN_FLOATS * QUAD * count);
-    gpu_draw(&(struct gpu_job){.target = o->answers,
-                               .program = o->programs[picture->room ? SEEN_ROOM : SEEN],
-                               .mesh = o->points,
+        put_point(picture, overlay->groups[i / OVERLAY_POINTS].point[i % OVERLAY_POINTS], i, depth_overlay);
+    gpu_mesh_write_vertices(depth_overlay->points, 0, depth_overlay->point_vertices[0], SEEN_FLOATS * QUAD * count);
+    gpu_draw(&(struct gpu_job){.target = depth_overlay->answers,
+                               .program = depth_overlay->programs[picture->room ? SEEN_ROOM : SEEN],
+                               .mesh = depth_overlay->points,
                                .textures = {picture->actor, picture->room},
                                .count = QUAD_CORNERS * count});
 }
 
-void depth_overlay_draw(struct depth_overlay *o, struct gpu_target *target, const struct overlay_picture *picture,
-                        const struct overlay *overlay)
+void depth_overlay_draw(struct depth_overlay *depth_overlay, struct gpu_target *target,
+                        const struct overlay_picture *picture, const struct overlay *overlay)
 {
     if (overlay->stroke_count)
-        draw_strokes(o, target, picture, overlay);
+        draw_strokes(depth_overlay, target, picture, overlay);
     if (overlay->group_count)
-        ask_points(o, picture, overlay);
+        ask_points(depth_overlay, picture, overlay);
 }
 
-enum status depth_overlay_read(struct depth_overlay *o, float share[OVERLAY_GROUPS_MOST], int *count)
+enum status depth_overlay_read(struct depth_overlay *o, float share[OVERLAY_GROUPS_MAX], int *count)
 {
-    uint8_t rgba[4 * POINTS_MOST];
+    uint8_t rgba[4 * POINTS_MAX];
     *count = o->groups;
     if (!o->groups)
         return OK;

@@ -14,13 +14,13 @@ struct overlay_stroke {
 };
 
 // Points that are asked for together: of one thing.
-enum { OVERLAY_POINTS = 9, OVERLAY_GROUPS_MOST = 64, OVERLAY_STROKES_MOST = 192 };
+enum { OVERLAY_POINTS = 9, OVERLAY_GROUPS_MAX = 64, OVERLAY_STROKES_MAX = 192 };
 struct overlay_group {
     struct vec3 point[OVERLAY_POINTS];
 };
 
 // Strokes are drawn in their order, the later over the earlier, whatever their depth. Those beyond
-// OVERLAY_STROKES_MOST, and groups beyond OVERLAY_GROUPS_MOST, are left out.
+// OVERLAY_STROKES_MAX, and groups beyond OVERLAY_GROUPS_MAX, are left out.
 struct overlay {
     const struct overlay_stroke *strokes;
     int stroke_count;
@@ -41,10 +41,10 @@ struct overlay_picture {
 };
 // Draws what `overlay` has, points in the viewer camera's axes. target: for the strokes, of the picture's size,
 // cleared; may be NULL without strokes. Where a point is asked for, the answers replace the former ones.
-void depth_overlay_draw(struct depth_overlay *o, struct gpu_target *target, const struct overlay_picture *picture,
-                        const struct overlay *overlay);
+void depth_overlay_draw(struct depth_overlay *depth_overlay, struct gpu_target *target,
+                        const struct overlay_picture *picture, const struct overlay *overlay);
 
 // The answers to the last points asked for: of each group the share, of those of its points that the image contains,
 // that is seen; 1: it contains none. Waits for the GPU, which is short if something else was done since. *count: of
 // groups; 0: none were asked for. ERR_DEVICE.
-MUST_CHECK enum status depth_overlay_read(struct depth_overlay *o, float share[OVERLAY_GROUPS_MOST], int *count);
+MUST_CHECK enum status depth_overlay_read(struct depth_overlay *o, float share[OVERLAY_GROUPS_MAX], int *count);

@@ -35,22 +35,22 @@ enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *g
     return OK;
 }
 
-static void drop(struct frame_layer_cache *f, int i)
+static void drop_layer(struct frame_layer_cache *cache, int i)
 {
-    f->bytes -= f->layers[i].bytes;
-    gpu_texture_close(&f->layers[i].shown.color);
-    gpu_texture_close(&f->layers[i].shown.depth);
-    free(f->layers[i].shown.shift);
-    free(f->layers[i].shown.points);
-    free(f->layers[i].shown.triangle_visible);
-    f->layers[i] = f->layers[--f->count];
+    cache->bytes -= cache->layers[i].bytes;
+    gpu_texture_close(&cache->layers[i].shown.color);
+    gpu_texture_close(&cache->layers[i].shown.depth);
+    free(cache->layers[i].shown.shift);
+    free(cache->layers[i].shown.points);
+    free(cache->layers[i].shown.triangle_visible);
+    cache->layers[i] = cache->layers[--cache->count];
 }
 
-void frame_layer_cache_clear(struct frame_layer_cache *f)
+void frame_layer_cache_clear(struct frame_layer_cache *cache)
 {
-    while (f->count)
-        drop(f, f->count - 1);
-    frame_layer_loader_close(&f->loader);
+    while (cache->count)
+        drop_layer(cache, cache->count - 1);
+    frame_layer_loader_close(&cache->loader);
 }
 
 void frame_layer_cache_close(struct frame_layer_cache **out)
@@ -65,12 +65,12 @@ void frame_layer_cache_close(struct frame_layer_cache **out)
 }
 
 // Frames from the resident frame before layer i to the one after it, cyclically over the take.
-static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
+static int64_t neighbor_gap(const struct frame_layer_cache *cache, int i)
 {
-    const int64_t frames = take_frame_count(f->source.take);
+    const int64_t frames = take_frame_count(cache->source.take);
     int64_t before = frames, after = frames;
-    for (int k = 0; k < f->count; k++) {
-        const int64_t on = (f->layers[k].frame - f->layers[i].frame + frames) % frames;
+    for (int k = 0; k < cache->count; k++) {
+        const int64_t on = (cache->layers[k].frame - cache->layers[i].frame + frames) % frames;
         if (k == i)
             continue;
         after = on < after ? on : after;
@@ -81,114 +81,118 @@ static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
 
 // The layer to evict: among those not used recently, the one with the smallest neighbour gap, so that residents spread
 // over the take; if all were used recently, the least recently used.
-static int eviction_candidate(const struct frame_layer_cache *f)
+static int eviction_candidate(const struct frame_layer_cache *cache)
 {
-    const int64_t longest = 2 * take_frame_count(f->source.take);
-    int least = 0;
+    const int64_t longest = 2 * take_frame_count(cache->source.take);
+    int min = 0;
     int64_t least_worth = INT64_MAX;
-    for (int i = 0; i < f->count; i++) {
-        const bool recent = f->layers[i].used > f->now - PROTECTED_FRAMES;
-        const int64_t worth = recent ? longest + f->layers[i].used : neighbor_gap(f, i);
+    for (int i = 0; i < cache->count; i++) {
+        const bool recent = cache->layers[i].used > cache->now - PROTECTED_FRAMES;
+        const int64_t worth = recent ? longest + cache->layers[i].used : neighbor_gap(cache, i);
         if (worth < least_worth)
-            least_worth = worth, least = i;
+            least_worth = worth, min = i;
     }
-    return least;
+    return min;
 }
 
-static enum status evict_until_fits(struct frame_layer_cache *f, size_t bytes)
+static enum status evict_until_fits(struct frame_layer_cache *cache, size_t bytes)
 {
-    while (f->count && f->bytes + bytes > f->max_bytes)
-        drop(f, eviction_candidate(f));
-    if (f->count < f->capacity)
+    while (cache->count && cache->bytes + bytes > cache->max_bytes)
+        drop_layer(cache, eviction_candidate(cache));
+    if (cache->count < cache->capacity)
         return OK;
-    int capacity = f->capacity ? 2 * f->capacity : 16;
-    struct cached_layer *layers = realloc(f->layers, sizeof *layers * (size_t)capacity);
+    int capacity = cache->capacity ? 2 * cache->capacity : 16;
+    struct cached_layer *layers = realloc(cache->layers, sizeof *layers * (size_t)capacity);
     if (!layers)
         return fail(ERR_MEMORY, "no memory for the cache of frame layers");
-    f->layers = layers;
-    f->capacity = capacity;
+    cache->layers = layers;
+    cache->capacity = capacity;
     return OK;
 }
 
-static enum status upload(struct gpu_texture **out, struct gpu *gpu, enum gpu_format format, enum gpu_filter filter,
-                          const struct frame_layer_image *p)
+static enum status upload_image(struct gpu_texture **out, struct gpu *gpu, enum gpu_format format,
+                                enum gpu_filter filter, const struct frame_layer_image *image)
 {
-    return gpu_texture_open(out, gpu, &(struct gpu_texture_layout){format, p->width, p->height, filter}, p->pixels);
+    return gpu_texture_open(out, gpu, &(struct gpu_texture_layout){format, image->width, image->height, filter},
+                            image->pixels);
 }
 
-static enum status insert(struct frame_layer_cache *f, struct frame_layer *loaded)
+static enum status insert_layer(struct frame_layer_cache *cache, struct frame_layer *loaded)
 {
     const size_t bytes = frame_layer_bytes(loaded);
-    enum status status = evict_until_fits(f, bytes);
+    enum status status = evict_until_fits(cache, bytes);
     if (status != OK)
         return status;
-    struct cached_layer *k = &f->layers[f->count++];
-    *k = (struct cached_layer){.frame = loaded->frame, .used = ++f->now, .bytes = bytes};
-    f->bytes += bytes;
-    struct gpu_frame_layer *s = &k->shown;
-    s->corrections = loaded->corrections;
-    s->shift = loaded->shift;
-    s->points = loaded->points;
-    s->triangle_visible = loaded->triangle_visible;
+    struct cached_layer *layer = &cache->layers[cache->count++];
+    *layer = (struct cached_layer){.frame = loaded->frame, .used = ++cache->now, .bytes = bytes};
+    cache->bytes += bytes;
+    struct gpu_frame_layer *gpu_frame_layer = &layer->shown;
+    gpu_frame_layer->corrections = loaded->corrections;
+    gpu_frame_layer->shift = loaded->shift;
+    gpu_frame_layer->points = loaded->points;
+    gpu_frame_layer->triangle_visible = loaded->triangle_visible;
     loaded->shift = NULL;
     loaded->points = NULL;
     loaded->triangle_visible = NULL;
-    status = upload(&s->depth, f->gpu, GPU_RGBA8, GPU_NEAREST, &loaded->depth);
+    status = upload_image(&gpu_frame_layer->depth, cache->gpu, GPU_RGBA8, GPU_NEAREST, &loaded->depth);
     if (status == OK)
-        status = upload(&s->color, f->gpu, GPU_RGB8, GPU_LINEAR, &loaded->color);
+        status = upload_image(&gpu_frame_layer->color, cache->gpu, GPU_RGB8, GPU_LINEAR, &loaded->color);
     if (status != OK)
-        drop(f, f->count - 1);
+        drop_layer(cache, cache->count - 1);
     return status;
 }
 
-static int find(const struct frame_layer_cache *f, int64_t frame)
+static int find_layer(const struct frame_layer_cache *cache, int64_t frame)
 {
     int i = 0;
-    while (i < f->count && f->layers[i].frame != frame)
+    while (i < cache->count && cache->layers[i].frame != frame)
         i++;
     return i;
 }
 
-bool frame_layer_cache_has(const struct frame_layer_cache *f, int64_t frame) { return find(f, frame) < f->count; }
-
-int64_t frame_layer_cache_nearest(const struct frame_layer_cache *f, int64_t frame, int64_t within_ns)
+bool frame_layer_cache_has(const struct frame_layer_cache *cache, int64_t frame)
 {
-    const int64_t at_ns = take_entry(f->source.take, frame)->time_ns;
+    return find_layer(cache, frame) < cache->count;
+}
+
+int64_t frame_layer_cache_nearest(const struct frame_layer_cache *cache, int64_t frame, int64_t within_ns)
+{
+    const int64_t at_ns = take_entry(cache->source.take, frame)->time_ns;
     int64_t best = -1, best_ns = within_ns;
-    for (int i = 0; i < f->count; i++) {
-        const int64_t away_ns = llabs(take_entry(f->source.take, f->layers[i].frame)->time_ns - at_ns);
-        const bool nearer = best < 0 || away_ns < best_ns || (away_ns == best_ns && f->layers[i].frame < best);
+    for (int i = 0; i < cache->count; i++) {
+        const int64_t away_ns = llabs(take_entry(cache->source.take, cache->layers[i].frame)->time_ns - at_ns);
+        const bool nearer = best < 0 || away_ns < best_ns || (away_ns == best_ns && cache->layers[i].frame < best);
         if (away_ns <= within_ns && nearer)
-            best = f->layers[i].frame, best_ns = away_ns;
+            best = cache->layers[i].frame, best_ns = away_ns;
     }
     return best;
 }
 
 enum status frame_layer_cache_add(struct frame_layer_cache *f, struct frame_layer *loaded)
 {
-    enum status status = frame_layer_cache_has(f, loaded->frame) ? OK : insert(f, loaded);
+    enum status status = frame_layer_cache_has(f, loaded->frame) ? OK : insert_layer(f, loaded);
     frame_layer_free(loaded);
     return status;
 }
 
-static enum status load(struct frame_layer_cache *f, const struct avatar *avatar, int64_t frame)
+static enum status load_layer(struct frame_layer_cache *cache, const struct avatar *avatar, int64_t frame)
 {
     struct frame_layer loaded;
-    enum status status = f->loader ? OK : frame_layer_loader_open(&f->loader, &f->source, avatar);
+    enum status status = cache->loader ? OK : frame_layer_loader_open(&cache->loader, &cache->source, avatar);
     if (status == OK)
-        status = frame_layer_loader_load(f->loader, frame, &loaded);
-    return status == OK ? frame_layer_cache_add(f, &loaded) : status;
+        status = frame_layer_loader_load(cache->loader, frame, &loaded);
+    return status == OK ? frame_layer_cache_add(cache, &loaded) : status;
 }
 
 enum status frame_layer_cache_get(struct frame_layer_cache *f, const struct avatar *avatar, int64_t frame,
                                   const struct gpu_frame_layer **out)
 {
     if (!frame_layer_cache_has(f, frame)) {
-        enum status status = load(f, avatar, frame);
+        enum status status = load_layer(f, avatar, frame);
         if (status != OK)
             return status;
     }
-    struct cached_layer *k = &f->layers[find(f, frame)];
+    struct cached_layer *k = &f->layers[find_layer(f, frame)];
     if (k->used != f->now)
         k->used = ++f->now;
     *out = &k->shown;

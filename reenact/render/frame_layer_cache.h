@@ -29,10 +29,10 @@ MUST_CHECK enum status frame_layer_cache_get(struct frame_layer_cache *f, const 
 // ERR_MEMORY.
 MUST_CHECK enum status frame_layer_cache_add(struct frame_layer_cache *f, struct frame_layer *loaded);
 
-bool frame_layer_cache_has(const struct frame_layer_cache *f, int64_t frame);
+bool frame_layer_cache_has(const struct frame_layer_cache *cache, int64_t frame);
 
 // The resident frame nearest in time to `frame`, at most within_ns away; ties: the lowest; -1: none.
-int64_t frame_layer_cache_nearest(const struct frame_layer_cache *f, int64_t frame, int64_t within_ns);
+int64_t frame_layer_cache_nearest(const struct frame_layer_cache *cache, int64_t frame, int64_t within_ns);
 
 // Drops all layers, as another avatar needs.
-void frame_layer_cache_clear(struct frame_layer_cache *f);
+void frame_layer_cache_clear(struct frame_layer_cache *cache);

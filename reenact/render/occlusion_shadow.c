@@ -104,37 +104,38 @@ static void put_patch_corners(int first, uint16_t *corners)
         }
 }
 
-// Opens the GPU mesh for a->room.
-static enum status open_mesh(struct occlusion_shadow *a)
+// Opens the GPU mesh for shadow->room.
+static enum status open_mesh(struct occlusion_shadow *shadow)
 {
-    const int of_room = a->room.point_count, count = of_room + PATCH_POINTS;
+    const int of_room = shadow->room.point_count, count = of_room + PATCH_POINTS;
     float(*points)[4] = malloc(sizeof *points * (size_t)count);
     uint16_t patch[PATCH_CORNERS];
-    a->occluding = malloc(sizeof *a->occluding * (size_t)(a->room.corner_count + 1));
-    if (!points || !a->occluding) {
+    shadow->occluding = malloc(sizeof *shadow->occluding * (size_t)(shadow->room.corner_count + 1));
+    if (!points || !shadow->occluding) {
         free(points);
         return fail(ERR_MEMORY, "no memory for the shadow");
     }
     for (int i = 0; i < of_room; i++) {
-        memcpy(points[i], a->room.points[i], sizeof *a->room.points);
+        memcpy(points[i], shadow->room.points[i], sizeof *shadow->room.points);
         points[i][3] = 0;
     }
     put_patch(points + of_room);
     put_patch_corners(of_room, patch);
-    enum status status = gpu_mesh_open(
-        &a->mesh, a->gpu, &(struct gpu_mesh_data){points[0], 4, count, NULL, a->room.corner_count + PATCH_CORNERS});
+    enum status status =
+        gpu_mesh_open(&shadow->mesh, shadow->gpu,
+                      &(struct gpu_mesh_data){points[0], 4, count, NULL, shadow->room.corner_count + PATCH_CORNERS});
     if (status == OK)
-        gpu_mesh_write_indices(a->mesh, a->room.corner_count, patch, PATCH_CORNERS);
+        gpu_mesh_write_indices(shadow->mesh, shadow->room.corner_count, patch, PATCH_CORNERS);
     free(points);
     return status;
 }
 
-static void close_mesh(struct occlusion_shadow *a)
+static void close_mesh(struct occlusion_shadow *shadow)
 {
-    gpu_mesh_close(&a->mesh);
-    free(a->occluding);
-    a->occluding = NULL;
-    occluder_mesh_free(&a->room);
+    gpu_mesh_close(&shadow->mesh);
+    free(shadow->occluding);
+    shadow->occluding = NULL;
+    occluder_mesh_free(&shadow->room);
 }
 
 enum status occlusion_shadow_open(struct occlusion_shadow **out, struct gpu *gpu, const struct lens *view)
@@ -158,27 +159,30 @@ enum status occlusion_shadow_open(struct occlusion_shadow **out, struct gpu *gpu
     return status;
 }
 
-void occlusion_shadow_close(struct occlusion_shadow **a)
+void occlusion_shadow_close(struct occlusion_shadow **shadow)
 {
-    if (!*a)
+    if (!*shadow)
         return;
-    close_mesh(*a);
-    gpu_program_close(&(*a)->program);
-    free(*a);
-    *a = NULL;
+    close_mesh(*shadow);
+    gpu_program_close(&(*shadow)->program);
+    free(*shadow);
+    *shadow = NULL;
 }
 
-void occlusion_shadow_set_lens(struct occlusion_shadow *a, const struct lens *view)
+void occlusion_shadow_set_lens(struct occlusion_shadow *shadow, const struct lens *view)
 {
     const float range[4] = {(float)VIEW_NEAREST_M, VIEW_FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
     float lens[12];
-    a->view = *view;
+    shadow->view = *view;
     lens_uniform(view, lens);
-    gpu_program_set(a->program, VIEW_LENS, lens, 3);
-    gpu_program_set(a->program, VIEW_RANGE, range, 1);
+    gpu_program_set(shadow->program, VIEW_LENS, lens, 3);
+    gpu_program_set(shadow->program, VIEW_RANGE, range, 1);
 }
 
-void occlusion_shadow_set_front_only(struct occlusion_shadow *a, bool front_only) { a->front_only = front_only; }
+void occlusion_shadow_set_front_only(struct occlusion_shadow *shadow, bool front_only)
+{
+    shadow->front_only = front_only;
+}
 
 enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occluder_mesh *room)
 {
@@ -195,57 +199,57 @@ enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occlude
 }
 
 // Writes the indices of the triangles that may occlude `hidden`; returns the number of corners.
-static int put_room(struct occlusion_shadow *a, const struct affine_map *viewer_from_room,
+static int put_room(struct occlusion_shadow *shadow, const struct affine_map *viewer_from_room,
                     const struct occlusion_frustum *hidden)
 {
-    const int count = occluder_mesh_cull(&a->room, viewer_from_room, hidden, a->occluding);
-    gpu_program_set(a->program, VIEWER_FROM_ROOM, viewer_from_room->row[0], 3);
+    const int count = occluder_mesh_cull(&shadow->room, viewer_from_room, hidden, shadow->occluding);
+    gpu_program_set(shadow->program, VIEWER_FROM_ROOM, viewer_from_room->row[0], 3);
     if (count)
-        gpu_mesh_write_indices(a->mesh, a->room.corner_count - count, a->occluding, count);
+        gpu_mesh_write_indices(shadow->mesh, shadow->room.corner_count - count, shadow->occluding, count);
     return count;
 }
 
 // The screen bounds of `hidden` in a target of another resolution than the image's.
-static struct gpu_box box_in(const struct occlusion_shadow *a, const struct gpu_target *target,
+static struct gpu_box box_in(const struct occlusion_shadow *shadow, const struct gpu_target *target,
                              const struct occlusion_frustum *hidden)
 {
-    const double scale = (double)gpu_target_width(target) / a->view.width;
-    const struct gpu_box box = screen_bounds(&a->view, hidden->low, hidden->high);
+    const double scale = (double)gpu_target_width(target) / shadow->view.width;
+    const struct gpu_box box = screen_bounds(&shadow->view, hidden->low, hidden->high);
     const int left = (int)floor(scale * box.left), right = (int)ceil(scale * (box.left + box.width));
     const int top = (int)floor(scale * box.top), bottom = (int)ceil(scale * (box.top + box.height));
     return (struct gpu_box){left, top, right - left, bottom - top};
 }
 
 // Draws the last `of_room` of the room's corners and the first `of_patch` of the patch's.
-static void draw_corners(struct occlusion_shadow *a, struct gpu_target *target, int of_room, int of_patch,
+static void draw_corners(struct occlusion_shadow *shadow, struct gpu_target *target, int of_room, int of_patch,
                          const struct occlusion_frustum *hidden)
 {
     gpu_draw(&(struct gpu_job){.target = target,
-                               .program = a->program,
-                               .mesh = a->mesh,
-                               .closed = a->front_only && !of_patch,
+                               .program = shadow->program,
+                               .mesh = shadow->mesh,
+                               .closed = shadow->front_only && !of_patch,
                                .depth_test = true,
-                               .first = a->room.corner_count - of_room,
+                               .first = shadow->room.corner_count - of_room,
                                .count = of_room + of_patch,
-                               .within = box_in(a, target, hidden)});
+                               .within = box_in(shadow, target, hidden)});
 }
 
-bool occlusion_shadow_draw_room(struct occlusion_shadow *a, struct gpu_target *target,
+bool occlusion_shadow_draw_room(struct occlusion_shadow *shadow, struct gpu_target *target,
                                 const struct affine_map *viewer_from_room, const struct occlusion_frustum *hidden)
 {
-    const int count = put_room(a, viewer_from_room, hidden);
+    const int count = put_room(shadow, viewer_from_room, hidden);
     if (count)
-        draw_corners(a, target, count, 0, hidden);
+        draw_corners(shadow, target, count, 0, hidden);
     return count > 0;
 }
 
-void occlusion_shadow_warm_up(struct occlusion_shadow *a, struct gpu_target *target)
+void occlusion_shadow_warm_up(struct occlusion_shadow *shadow, struct gpu_target *target)
 {
     gpu_draw(&(struct gpu_job){.target = target,
-                               .program = a->program,
-                               .mesh = a->mesh,
+                               .program = shadow->program,
+                               .mesh = shadow->mesh,
                                .depth_test = true,
-                               .first = a->room.corner_count, // of the patch
+                               .first = shadow->room.corner_count, // of the patch
                                .count = 3,
                                .within = {-1, -1, 1, 1}});
 }
@@ -260,15 +264,15 @@ static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double 
 }
 
 // Feet, which have no joints of their own, point to where the hips face.
-static void put_feet(float (*bones)[4], const struct skeleton *s)
+static void put_feet(float (*bones)[4], const struct skeleton *skeleton)
 {
     static const enum joint feet[2] = {JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT};
-    struct vec3 across = v3_sub(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP]), front = v3(0, 0, 0);
-    if (s->confidence[JOINT_LEFT_HIP] > 0 && s->confidence[JOINT_RIGHT_HIP] > 0)
+    struct vec3 across = v3_sub(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP]), front = v3(0, 0, 0);
+    if (skeleton->confidence[JOINT_LEFT_HIP] > 0 && skeleton->confidence[JOINT_RIGHT_HIP] > 0)
         front = v3_unit(v3_cross(v3(across.x, across.y, 0), v3(0, 0, 1)));
     for (int f = 0; f < 2; f++) {
-        struct vec3 heel = v3_sub(s->joint[feet[f]], v3(0, 0, ANKLE_M));
-        if (s->confidence[feet[f]] > 0)
+        struct vec3 heel = v3_sub(skeleton->joint[feet[f]], v3(0, 0, ANKLE_M));
+        if (skeleton->confidence[feet[f]] > 0)
             put_bone(&bones[2 * f], heel, v3_add(heel, v3_scale(front, FOOT_M)), FOOT_RADIUS_M);
     }
 }
@@ -290,7 +294,7 @@ static void put_parts(float (*bones)[4], const struct occlusion_shadow_view *vie
     }
 }
 
-void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target,
+void occlusion_shadow_draw(struct occlusion_shadow *occlusion_shadow, struct gpu_target *target,
                            const struct occlusion_shadow_view *view)
 {
     const struct skeleton *skeleton = view->skeleton;
@@ -309,14 +313,14 @@ void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target
         const struct vec3 rim = v3(middle.x + r * portable_cos(angle), middle.y + r * portable_sin(angle), 0);
         occlusion_frustum_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
     }
-    const int count = view->viewer_from_room ? put_room(a, view->viewer_from_room, &hidden) : 0;
+    const int count = view->viewer_from_room ? put_room(occlusion_shadow, view->viewer_from_room, &hidden) : 0;
     struct affine_map world = {
         {{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
     struct affine_map map = affine_from_pose(viewer_from_world), viewer = affine_multiply(&map, &world);
     const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARKNESS};
-    gpu_program_set(a->program, VIEWER_FROM_FLOOR, viewer.row[0], 3);
-    gpu_program_set(a->program, WORLD_FROM_FLOOR, world.row[0], 3);
-    gpu_program_set(a->program, BONES, bones[0], 2 * PART_COUNT + 4);
-    gpu_program_set(a->program, SHADOW, shadow, 1);
-    draw_corners(a, target, count, PATCH_CORNERS, &hidden);
+    gpu_program_set(occlusion_shadow->program, VIEWER_FROM_FLOOR, viewer.row[0], 3);
+    gpu_program_set(occlusion_shadow->program, WORLD_FROM_FLOOR, world.row[0], 3);
+    gpu_program_set(occlusion_shadow->program, BONES, bones[0], 2 * PART_COUNT + 4);
+    gpu_program_set(occlusion_shadow->program, SHADOW, shadow, 1);
+    draw_corners(occlusion_shadow, target, count, PATCH_CORNERS, &hidden);
 }

@@ -2,8 +2,8 @@
 // (z = 0 of the world): each body part and foot blocks light from above as a ball does
 // (occlusion_shadow.frag). One thread: that of the GPU context.
 #pragma once
-#include "platform/screen/gpu.h"
 #include "base/lens.h"
+#include "platform/screen/gpu.h"
 #include "reenact/scene/occluder_mesh.h"
 
 // ---------------------------------------------------------------- screen bounds
@@ -20,10 +20,10 @@ struct occlusion_shadow;
 
 // view: the viewer camera's lens; copied. ERR_DEVICE, ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status occlusion_shadow_open(struct occlusion_shadow **out, struct gpu *gpu, const struct lens *view);
-void occlusion_shadow_close(struct occlusion_shadow **a); // NULL is fine
+void occlusion_shadow_close(struct occlusion_shadow **shadow); // NULL is fine
 
 // Replaces the viewer camera's lens; cheap.
-void occlusion_shadow_set_lens(struct occlusion_shadow *a, const struct lens *view);
+void occlusion_shadow_set_lens(struct occlusion_shadow *shadow, const struct lens *view);
 
 // Replaces the occluder mesh. Takes over its contents and zeroes *room, also on failure; the previous mesh then stays.
 // ERR_DEVICE, ERR_MEMORY.
@@ -31,15 +31,15 @@ MUST_CHECK enum status occlusion_shadow_set_room(struct occlusion_shadow *a, str
 
 // front_only: triangles that turn their back to the viewer hide nothing, as when one looks into a room from outside
 // through its walls. Initially false.
-void occlusion_shadow_set_front_only(struct occlusion_shadow *a, bool front_only);
+void occlusion_shadow_set_front_only(struct occlusion_shadow *shadow, bool front_only);
 
 // Draws the depth of the triangles that may occlude `hidden` into a cleared target of the image's size or a multiple of
 // it; colours stay transparent. False: there are none.
-bool occlusion_shadow_draw_room(struct occlusion_shadow *a, struct gpu_target *target,
+bool occlusion_shadow_draw_room(struct occlusion_shadow *shadow, struct gpu_target *target,
                                 const struct affine_map *viewer_from_room, const struct occlusion_frustum *hidden);
 
 // Draws an empty triangle into such a target, so that no shader is compiled when the room first hides the actor.
-void occlusion_shadow_warm_up(struct occlusion_shadow *a, struct gpu_target *target);
+void occlusion_shadow_warm_up(struct occlusion_shadow *shadow, struct gpu_target *target);
 
 struct occlusion_shadow_view {
     struct pose world_from_viewer;
@@ -49,5 +49,5 @@ struct occlusion_shadow_view {
 };
 
 // Draws a body's shadow into a cleared target, premultiplied: black, alpha the blocked share of the light.
-void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target,
+void occlusion_shadow_draw(struct occlusion_shadow *occlusion_shadow, struct gpu_target *target,
                            const struct occlusion_shadow_view *view);

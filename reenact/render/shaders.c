@@ -12,10 +12,11 @@ const char *shader_find(const char *name)
     return NULL;
 }
 
-void lens_uniform(const struct lens *l, float out[12])
+void lens_uniform(const struct lens *lens, float out[12])
 {
-    const double values[12] = {l->fx,    l->fy,    l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3, lens_max_radius2(l),
-                               l->width, l->height};
+    const double values[12] = {lens->fx,    lens->fy,    lens->cx, lens->cy, lens->k1,
+                               lens->k2,    lens->p1,    lens->p2, lens->k3, lens_max_radius2(lens),
+                               lens->width, lens->height};
     for (int i = 0; i < 12; i++)
         out[i] = (float)values[i];
 }

@@ -16,12 +16,12 @@ MUST_CHECK enum status solid_mesh_open(struct solid_mesh **out, struct gpu *gpu,
                                        int vertex_count, const uint32_t *corners, int corner_count);
 void solid_mesh_close(struct solid_mesh **m); // NULL is fine
 // Puts other vertices and corners in, at most as many as it was opened with. Only for meshes of at most 65536 vertices.
-void solid_mesh_write(struct solid_mesh *m, const struct solid_vertex *vertices, int vertex_count,
+void solid_mesh_write(struct solid_mesh *mesh, const struct solid_vertex *vertices, int vertex_count,
                       const uint16_t *corners, int corner_count);
 
 struct solid_renderer;
 MUST_CHECK enum status solid_renderer_open(struct solid_renderer **out, struct gpu *gpu);
-void solid_renderer_close(struct solid_renderer **r); // NULL is fine
+void solid_renderer_close(struct solid_renderer **renderer); // NULL is fine
 
 struct solid_view {
     struct gpu_target *target; // with a depth buffer; not cleared
@@ -35,5 +35,5 @@ struct solid_look {
     const struct gpu_texture *picture; // premultiplied; NULL: white
     bool closed;                       // what turns its back is not drawn
 };
-void solid_renderer_draw(struct solid_renderer *r, const struct solid_view *view, const struct solid_mesh *mesh,
+void solid_renderer_draw(struct solid_renderer *renderer, const struct solid_view *view, const struct solid_mesh *mesh,
                          const struct solid_look *look);

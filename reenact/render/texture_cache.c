@@ -49,117 +49,118 @@ enum status texture_cache_open(struct texture_cache **out, struct gpu *gpu, stru
     return OK;
 }
 
-void texture_cache_close(struct texture_cache **c)
+void texture_cache_close(struct texture_cache **cache)
 {
-    if (!*c)
+    if (!*cache)
         return;
-    for (int i = 0; i < (*c)->count; i++)
-        gpu_texture_close(&(*c)->entries[i].texture);
+    for (int i = 0; i < (*cache)->count; i++)
+        gpu_texture_close(&(*cache)->entries[i].texture);
     for (int i = 0; i < IMAGES; i++)
-        source_image_free(&(*c)->images[i]);
-    source_rays_close(&(*c)->rays);
-    free((*c)->entries);
-    free(*c);
-    *c = NULL;
+        source_image_free(&(*cache)->images[i]);
+    source_rays_close(&(*cache)->rays);
+    free((*cache)->entries);
+    free(*cache);
+    *cache = NULL;
 }
 
-static void drop(struct texture_cache *c, int i)
+static void drop_texture(struct texture_cache *cache, int i)
 {
-    c->bytes -= c->entries[i].bytes;
-    gpu_texture_close(&c->entries[i].texture);
-    c->entries[i] = c->entries[--c->count];
+    cache->bytes -= cache->entries[i].bytes;
+    gpu_texture_close(&cache->entries[i].texture);
+    cache->entries[i] = cache->entries[--cache->count];
 }
 
-static enum status evict_until_fits(struct texture_cache *c, size_t bytes)
+static enum status evict_until_fits(struct texture_cache *cache, size_t bytes)
 {
-    while (c->count && c->bytes + bytes > c->max_bytes) {
+    while (cache->count && cache->bytes + bytes > cache->max_bytes) {
         int oldest = 0;
-        for (int i = 1; i < c->count; i++)
-            if (c->entries[i].used < c->entries[oldest].used)
+        for (int i = 1; i < cache->count; i++)
+            if (cache->entries[i].used < cache->entries[oldest].used)
                 oldest = i;
-        drop(c, oldest);
+        drop_texture(cache, oldest);
     }
-    if (c->count < c->capacity)
+    if (cache->count < cache->capacity)
         return OK;
-    int capacity = c->capacity ? c->capacity * 2 : 64;
-    struct cached_texture *entries = realloc(c->entries, sizeof *entries * (size_t)capacity);
+    int capacity = cache->capacity ? cache->capacity * 2 : 64;
+    struct cached_texture *entries = realloc(cache->entries, sizeof *entries * (size_t)capacity);
     if (!entries)
         return fail(ERR_MEMORY, "no memory for the cache of textures");
-    c->entries = entries;
-    c->capacity = capacity;
+    cache->entries = entries;
+    cache->capacity = capacity;
     return OK;
 }
 
-static bool find(struct texture_cache *c, int64_t frame, int part, struct source_texture *out)
+static bool find_texture(struct texture_cache *cache, int64_t frame, int part, struct source_texture *out)
 {
-    for (int i = 0; i < c->count; i++) {
-        struct cached_texture *e = &c->entries[i];
-        if (e->frame != frame || e->part != part)
+    for (int i = 0; i < cache->count; i++) {
+        struct cached_texture *texture = &cache->entries[i];
+        if (texture->frame != frame || texture->part != part)
             continue;
-        e->used = ++c->now;
-        *out = (struct source_texture){e->texture, {e->window[0], e->window[1], e->window[2], e->window[3]}};
+        texture->used = ++cache->now;
+        *out = (struct source_texture){
+            texture->texture, {texture->window[0], texture->window[1], texture->window[2], texture->window[3]}};
         return true;
     }
     return false;
 }
 
-static enum status insert(struct texture_cache *c, int64_t frame, int part, const struct source_patch *patch,
-                          struct source_texture *out)
+static enum status insert_texture(struct texture_cache *cache, int64_t frame, int part,
+                                  const struct source_patch *patch, struct source_texture *out)
 {
     size_t bytes = (size_t)patch->width * (size_t)patch->height * 4; // GPUs pad RGB to four bytes
-    enum status status = evict_until_fits(c, bytes);
+    enum status status = evict_until_fits(cache, bytes);
     if (status != OK)
         return status;
     struct cached_texture e = {
         .frame = frame,
         .part = part,
         .bytes = bytes,
-        .used = ++c->now,
+        .used = ++cache->now,
         .window = {(float)patch->left, (float)patch->top, (float)patch->width, (float)patch->height}};
     status =
-        gpu_texture_open(&e.texture, c->gpu,
+        gpu_texture_open(&e.texture, cache->gpu,
                          &(struct gpu_texture_layout){GPU_RGB8, patch->width, patch->height, GPU_LINEAR}, patch->rgb);
     if (status != OK)
         return status;
-    c->bytes += bytes;
-    c->entries[c->count++] = e;
+    cache->bytes += bytes;
+    cache->entries[cache->count++] = e;
     *out = (struct source_texture){e.texture, {e.window[0], e.window[1], e.window[2], e.window[3]}};
     return OK;
 }
 
-static enum status image_of(struct texture_cache *c, int64_t frame, bool labelled, struct source_image **out)
+static enum status image_of(struct texture_cache *cache, int64_t frame, bool labelled, struct source_image **out)
 {
     int oldest = 0;
     for (int i = 0; i < IMAGES; i++) {
-        struct source_image *p = &c->images[i];
-        if (p->frame == frame && (!labelled || p->labelled)) {
-            c->image_used[i] = ++c->now;
-            *out = p;
+        struct source_image *image = &cache->images[i];
+        if (image->frame == frame && (!labelled || image->labelled)) {
+            cache->image_used[i] = ++cache->now;
+            *out = image;
             return OK;
         }
-        if (c->image_used[i] < c->image_used[oldest])
+        if (cache->image_used[i] < cache->image_used[oldest])
             oldest = i;
     }
-    c->image_used[oldest] = ++c->now;
-    *out = &c->images[oldest];
-    return source_image_load(*out, c->take, frame, labelled ? c->rays : NULL);
+    cache->image_used[oldest] = ++cache->now;
+    *out = &cache->images[oldest];
+    return source_image_load(*out, cache->take, frame, labelled ? cache->rays : NULL);
 }
 
 enum status texture_cache_whole(struct texture_cache *c, int64_t frame, struct source_texture *out)
 {
-    if (find(c, frame, WHOLE, out))
+    if (find_texture(c, frame, WHOLE, out))
         return OK;
     struct source_image *image;
     enum status status = image_of(c, frame, false, &image);
     if (status != OK)
         return status;
     struct source_patch all = {0, 0, image->width, image->height, image->rgb};
-    return insert(c, frame, WHOLE, &all, out);
+    return insert_texture(c, frame, WHOLE, &all, out);
 }
 
 enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part p, struct source_texture *out)
 {
-    if (find(c, frame, p, out))
+    if (find_texture(c, frame, p, out))
         return OK;
     if (!c->rays || !take_entry(c->take, frame)->has_depth)
         return texture_cache_whole(c, frame, out);
@@ -170,7 +171,7 @@ enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part
         status = source_patch_make(image, c->take, p, &patch);
     if (status != OK)
         return status;
-    status = insert(c, frame, p, &patch, out);
+    status = insert_texture(c, frame, p, &patch, out);
     free(patch.rgb);
     return status;
 }

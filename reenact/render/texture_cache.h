@@ -10,7 +10,7 @@ struct texture_cache;
 // take and gpu must outlive it. max_bytes: of textures; at least one is always kept. ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status texture_cache_open(struct texture_cache **out, struct gpu *gpu, struct take *take,
                                           size_t max_bytes);
-void texture_cache_close(struct texture_cache **c);
+void texture_cache_close(struct texture_cache **cache);
 
 struct source_texture {
     const struct gpu_texture *texture; // borrowed until the next call on the cache

@@ -58,15 +58,15 @@ enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
     return OK;
 }
 
-void yuv_to_rgb_close(struct yuv_to_rgb **r)
+void yuv_to_rgb_close(struct yuv_to_rgb **rgb)
 {
-    if (!*r)
+    if (!*rgb)
         return;
-    gpu_target_close(&(*r)->target);
-    gpu_mesh_close(&(*r)->fullscreen);
-    gpu_program_close(&(*r)->program);
-    free(*r);
-    *r = NULL;
+    gpu_target_close(&(*rgb)->target);
+    gpu_mesh_close(&(*rgb)->fullscreen);
+    gpu_program_close(&(*rgb)->program);
+    free(*rgb);
+    *rgb = NULL;
 }
 
 enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *image,
@@ -93,6 +93,6 @@ enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *ima
     return gpu_check(r->gpu);
 }
 
-const struct gpu_texture *yuv_to_rgb_texture(struct yuv_to_rgb *r) { return gpu_target_texture(r->target); }
+const struct gpu_texture *yuv_to_rgb_texture(struct yuv_to_rgb *rgb) { return gpu_target_texture(rgb->target); }
 
 enum status yuv_to_rgb_read(struct yuv_to_rgb *r, uint8_t *rgba) { return gpu_target_read(r->target, rgba); }

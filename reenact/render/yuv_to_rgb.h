@@ -14,7 +14,7 @@ int yuv_planes(enum dmabuf_layout layout, int width, int height, struct yuv_plan
 
 struct yuv_to_rgb;
 MUST_CHECK enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu);
-void yuv_to_rgb_close(struct yuv_to_rgb **r); // NULL is fine
+void yuv_to_rgb_close(struct yuv_to_rgb **rgb); // NULL is fine
 
 // Draws the image (its layout, size and encoding) from the textures of its planes, which the GPU has read by the next
 // gpu_wait at the latest.
@@ -22,5 +22,5 @@ MUST_CHECK enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf
                                        const struct gpu_texture *const planes[2]);
 
 // The image last drawn; valid until one of another size is drawn, or the end.
-const struct gpu_texture *yuv_to_rgb_texture(struct yuv_to_rgb *r);
+const struct gpu_texture *yuv_to_rgb_texture(struct yuv_to_rgb *rgb);
 MUST_CHECK enum status yuv_to_rgb_read(struct yuv_to_rgb *r, uint8_t *rgba); // width * height * 4

@@ -60,10 +60,10 @@ static const double OCCLUDED_M = 0.5;    // the whole bone hidden
 static const double RESOLUTION_M = 0.06; // twice as far away as what is to be shown
 static const double UNCERTAIN_M = 0.3;   // ends of confidence 0
 
-static enum status check_finite(const struct skeleton *s)
+static enum status check_finite(const struct skeleton *skeleton)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (s->confidence[j] > 0 && !v3_finite(s->joint[j]))
+        if (skeleton->confidence[j] > 0 && !v3_finite(skeleton->joint[j]))
             return fail(ERR_INPUT, "the skeleton's %s is not at a finite place", joint_name((enum joint)j));
     return OK;
 }
@@ -88,15 +88,15 @@ static bool occludes(struct vec3 p, struct vec3 a, struct vec3 b, double radius)
 }
 
 // Whether a part that shares no joint with part p lies between the camera and `at`.
-static bool is_occluded(const struct skeleton *s, const struct body *body, enum part p, struct vec3 at)
+static bool is_occluded(const struct skeleton *skeleton, const struct body *body, enum part part, struct vec3 at)
 {
-    struct part_ends ends = part_ends[p];
+    struct part_ends ends = part_ends[part];
     for (int o = 0; o < PART_COUNT; o++) {
         struct part_ends other = part_ends[o];
         bool joined = other.from == ends.from || other.from == ends.to || other.to == ends.from || other.to == ends.to;
-        if (o == (int)p || joined || !part_is_known(body, s, (enum part)o))
+        if (o == (int)part || joined || !part_is_known(body, skeleton, (enum part)o))
             continue;
-        struct vec3 a = s->joint[other.from], b = s->joint[other.to];
+        struct vec3 a = skeleton->joint[other.from], b = skeleton->joint[other.to];
         if (occludes(at, a, b, body->radius_rate[o] * v3_distance(a, b)))
             return true;
     }
@@ -104,19 +104,19 @@ static bool is_occluded(const struct skeleton *s, const struct body *body, enum 
 }
 
 // Share of the part that other parts hide from the camera, at four points along it.
-static double occluded_share(const struct skeleton *s, const struct body *body, enum part p)
+static double occluded_share(const struct skeleton *skeleton, const struct body *body, enum part part)
 {
     enum { SAMPLES = 4 };
-    struct part_ends ends = part_ends[p];
-    double radius = body->radius_rate[p] * v3_distance(s->joint[ends.from], s->joint[ends.to]);
+    struct part_ends ends = part_ends[part];
+    double radius = body->radius_rate[part] * v3_distance(skeleton->joint[ends.from], skeleton->joint[ends.to]);
     int hidden = 0;
     for (int i = 0; i < SAMPLES; i++) {
-        struct vec3 at = v3_mix(s->joint[ends.from], s->joint[ends.to], (i + 0.5) / SAMPLES);
+        struct vec3 at = v3_mix(skeleton->joint[ends.from], skeleton->joint[ends.to], (i + 0.5) / SAMPLES);
         double far = v3_length(at);
         if (!(far > radius))
             continue;
         at = v3_scale(at, 1 - radius / far); // on the side that faces the camera
-        hidden += is_occluded(s, body, p, at);
+        hidden += is_occluded(skeleton, body, part, at);
     }
     return (double)hidden / SAMPLES;
 }
@@ -125,12 +125,12 @@ static void store_vec3(float out[3], struct vec3 v) { out[0] = (float)v.x, out[1
 
 static struct vec3 load_vec3(const float v[3]) { return v3((double)v[0], (double)v[1], (double)v[2]); }
 
-static struct part_view part_view_of(const struct skeleton *s, const struct body *body, enum part p)
+static struct part_view part_view_of(const struct skeleton *skeleton, const struct body *body, enum part part)
 {
     struct part_view view = {0};
     struct bone_frame f;
-    view.body_aligned = bone_frame_body_aligned(s, p, &f);
-    if (!view.body_aligned && !bone_frame_viewer_aligned(s, p, v3(0, 0, 0), &f))
+    view.body_aligned = bone_frame_body_aligned(skeleton, part, &f);
+    if (!view.body_aligned && !bone_frame_viewer_aligned(skeleton, part, v3(0, 0, 0), &f))
         return view;
     struct vec3 middle = bone_frame_midpoint(&f);
     view.distance_m = (float)v3_length(middle);
@@ -139,14 +139,15 @@ static struct part_view part_view_of(const struct skeleton *s, const struct body
     view.known = true;
     store_vec3(view.camera_direction, v3_unit(bone_frame_local_direction(&f, v3_scale(middle, -1))));
     for (int i = 0; i < 3; i++) {
-        enum joint j = neighbor_joints[p][i];
-        if (s->confidence[j] > 0) {
-            store_vec3(view.neighbors[i], bone_frame_local_point(&f, s->joint[j]));
+        enum joint j = neighbor_joints[part][i];
+        if (skeleton->confidence[j] > 0) {
+            store_vec3(view.neighbors[i], bone_frame_local_point(&f, skeleton->joint[j]));
             view.neighbors_known |= (uint8_t)(1 << i);
         }
     }
-    double uncertain = fmaxf(0, 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]));
-    double hidden = body ? occluded_share(s, body, p) : 0;
+    double uncertain =
+        fmaxf(0, 1 - fminf(skeleton->confidence[part_ends[part].from], skeleton->confidence[part_ends[part].to]));
+    double hidden = body ? occluded_share(skeleton, body, part) : 0;
     view.fixed_cost_m = (float)(OCCLUDED_M * hidden + UNCERTAIN_M * uncertain);
     return view;
 }
@@ -154,14 +155,14 @@ static struct part_view part_view_of(const struct skeleton *s, const struct body
 // ---------------------------------------------------------------- bounds
 
 // The cost is at least 16 / (joints known in the query) times the sum of distances.
-static struct pose_index_point body_point(const struct skeleton *s)
+static struct pose_index_point body_point(const struct skeleton *skeleton)
 {
     struct pose_index_point point = {.known = 0};
-    if (!(s->confidence[JOINT_NECK] > 0))
+    if (!(skeleton->confidence[JOINT_NECK] > 0))
         return point;
     for (size_t i = 0; i < COUNT_OF(body_joints); i++)
-        if (s->confidence[body_joints[i]] > 0) {
-            point.position[i] = v3_sub(s->joint[body_joints[i]], s->joint[JOINT_NECK]);
+        if (skeleton->confidence[body_joints[i]] > 0) {
+            point.position[i] = v3_sub(skeleton->joint[body_joints[i]], skeleton->joint[JOINT_NECK]);
             point.known |= 1u << i;
         }
     return point;
@@ -184,20 +185,20 @@ static struct pose_index_point part_point(const struct part_view *view)
 
 // ---------------------------------------------------------------- frames
 
-static enum status open_arrays(struct frame_selector *s)
+static enum status open_arrays(struct frame_selector *selector)
 {
-    size_t capacity = s->capacity > 0 ? (size_t)s->capacity : 1;
-    s->frames = calloc(capacity, sizeof *s->frames);
-    s->skeletons = calloc(capacity, sizeof *s->skeletons);
+    size_t capacity = selector->capacity > 0 ? (size_t)selector->capacity : 1;
+    selector->frames = calloc(capacity, sizeof *selector->frames);
+    selector->skeletons = calloc(capacity, sizeof *selector->skeletons);
     struct part_view *views = calloc(PART_COUNT * capacity, sizeof *views);
-    bool enough = s->frames && s->skeletons && views;
+    bool enough = selector->frames && selector->skeletons && views;
     for (int p = 0; p < PART_COUNT && views; p++)
-        s->views[p] = views + (size_t)p * capacity;
+        selector->views[p] = views + (size_t)p * capacity;
     enum status status = enough ? OK : fail(ERR_MEMORY, "no memory for the choice of frames");
     if (status == OK)
-        status = pose_index_open(&s->body_index, COUNT_OF(body_joints), BODY_UNIT_M, s->capacity);
+        status = pose_index_open(&selector->body_index, COUNT_OF(body_joints), BODY_UNIT_M, selector->capacity);
     for (int p = 0; p < PART_COUNT && status == OK; p++)
-        status = pose_index_open(&s->part_index[p], PART_POSITIONS, PART_UNIT_M, s->capacity);
+        status = pose_index_open(&selector->part_index[p], PART_POSITIONS, PART_UNIT_M, selector->capacity);
     return status;
 }
 
@@ -216,18 +217,18 @@ enum status frame_selector_open(struct frame_selector **out, int64_t capacity)
     return status;
 }
 
-void frame_selector_close(struct frame_selector **s)
+void frame_selector_close(struct frame_selector **selector)
 {
-    if (!*s)
+    if (!*selector)
         return;
-    pose_index_close(&(*s)->body_index);
+    pose_index_close(&(*selector)->body_index);
     for (int p = 0; p < PART_COUNT; p++)
-        pose_index_close(&(*s)->part_index[p]);
-    free((*s)->views[0]);
-    free((*s)->skeletons);
-    free((*s)->frames);
-    free(*s);
-    *s = NULL;
+        pose_index_close(&(*selector)->part_index[p]);
+    free((*selector)->views[0]);
+    free((*selector)->skeletons);
+    free((*selector)->frames);
+    free(*selector);
+    *selector = NULL;
 }
 
 enum status frame_selector_add(struct frame_selector *s, int64_t frame, const struct skeleton *in_camera,
@@ -250,26 +251,26 @@ enum status frame_selector_add(struct frame_selector *s, int64_t frame, const st
     return OK;
 }
 
-void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p)
+void frame_selector_exclude(struct frame_selector *selector, int64_t frame, enum part part)
 {
-    int64_t low = 0, high = s->count; // binary search
+    int64_t low = 0, high = selector->count; // binary search
     while (low < high) {
         int64_t middle = low + (high - low) / 2;
-        if (s->frames[middle] < frame)
+        if (selector->frames[middle] < frame)
             low = middle + 1;
         else
             high = middle;
     }
-    if (low < s->count && s->frames[low] == frame)
-        s->views[p][low].excluded = true;
+    if (low < selector->count && selector->frames[low] == frame)
+        selector->views[part][low].excluded = true;
 }
 
-static enum status fill_selection(const struct frame_selector *s, const struct pose_index_query *q,
+static enum status fill_selection(const struct frame_selector *selector, const struct pose_index_query *query,
                                   struct frame_selection *out)
 {
-    if (q->number < 0)
+    if (query->number < 0)
         return NOTHING;
-    *out = (struct frame_selection){s->frames[q->number], q->cost_m};
+    *out = (struct frame_selection){selector->frames[query->number], query->cost_m};
     return OK;
 }
 
@@ -284,16 +285,17 @@ struct body_target {
 static double body_cost(const void *context, int64_t number)
 {
     const struct body_target *target = context;
-    const struct skeleton *k = target->skeleton, *n = &target->skeletons[number];
+    const struct skeleton *skeleton = target->skeleton, *n = &target->skeletons[number];
     if (!(n->confidence[JOINT_NECK] > 0))
         return -1;
     int joints = 0;
     double sum = 0;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        if (!(k->confidence[j] > 0) || !(n->confidence[j] > 0))
+        if (!(skeleton->confidence[j] > 0) || !(n->confidence[j] > 0))
             continue;
         joints++;
-        sum += v3_distance(v3_sub(k->joint[j], k->joint[JOINT_NECK]), v3_sub(n->joint[j], n->joint[JOINT_NECK]));
+        sum += v3_distance(v3_sub(skeleton->joint[j], skeleton->joint[JOINT_NECK]),
+                           v3_sub(n->joint[j], n->joint[JOINT_NECK]));
     }
     return joints >= target->needed ? sum * JOINT_COUNT / joints : -1;
 }
@@ -326,38 +328,38 @@ struct part_target {
 static double part_cost(const void *context, int64_t number)
 {
     const struct part_target *target = context;
-    const struct part_view *k = &target->view, *n = &target->views[number];
+    const struct part_view *view = &target->view, *n = &target->views[number];
     if (!n->known || n->excluded)
         return -1;
     // Between known and unknown axial rotation, a right angle is assumed (a chord of 1.4).
-    double cost = VIEWPOINT_M * (k->body_aligned == n->body_aligned
-                                     ? v3_distance(load_vec3(k->camera_direction), load_vec3(n->camera_direction))
+    double cost = VIEWPOINT_M * (view->body_aligned == n->body_aligned
+                                     ? v3_distance(load_vec3(view->camera_direction), load_vec3(n->camera_direction))
                                      : 1.4);
     double sum = 0;
     int joints = 0;
-    for (int i = 0; i < 3 && k->body_aligned == n->body_aligned; i++)
-        if ((k->neighbors_known & n->neighbors_known) >> i & 1) {
-            sum += v3_distance(load_vec3(k->neighbors[i]), load_vec3(n->neighbors[i]));
+    for (int i = 0; i < 3 && view->body_aligned == n->body_aligned; i++)
+        if ((view->neighbors_known & n->neighbors_known) >> i & 1) {
+            sum += v3_distance(load_vec3(view->neighbors[i]), load_vec3(n->neighbors[i]));
             joints++;
         }
     if (joints)
         cost += NEIGHBOR_M * sum / joints;
     // More resolution than the viewer needs is no advantage.
-    if (n->distance_m > k->distance_m)
-        cost += RESOLUTION_M * ((double)n->distance_m / (double)k->distance_m - 1);
+    if (n->distance_m > view->distance_m)
+        cost += RESOLUTION_M * ((double)n->distance_m / (double)view->distance_m - 1);
     return cost + (double)n->fixed_cost_m;
 }
 
-static enum status find_part(const struct frame_selector *s, const struct skeleton *in_viewer, enum part p,
+static enum status find_part(const struct frame_selector *selector, const struct skeleton *in_viewer, enum part part,
                              struct frame_selection *out)
 {
-    const struct part_target target = {s->views[p], part_view_of(in_viewer, NULL, p)};
+    const struct part_target target = {selector->views[part], part_view_of(in_viewer, NULL, part)};
     if (!target.view.known)
         return NOTHING;
     struct pose_index_query query = {
         .point = part_point(&target.view), .scale = 1, .cost = part_cost, .context = &target};
-    pose_index_find(s->part_index[p], &query);
-    return fill_selection(s, &query, out);
+    pose_index_find(selector->part_index[part], &query);
+    return fill_selection(selector, &query, out);
 }
 
 enum status frame_selector_find_part(const struct frame_selector *s, const struct skeleton *in_viewer, enum part p,

@@ -23,7 +23,7 @@ struct frame_selection {
 
 // For at most `capacity` frames, about 1.7 KiB of memory each. ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status frame_selector_open(struct frame_selector **out, int64_t capacity);
-void frame_selector_close(struct frame_selector **s);
+void frame_selector_close(struct frame_selector **selector);
 
 // Adds frame number `frame` (rising) with its skeleton in its camera's axes. body: for
 // occlusion by the body; NULL: none. ERR_INPUT: a known joint is not finite; nothing is added.
@@ -31,7 +31,7 @@ MUST_CHECK enum status frame_selector_add(struct frame_selector *s, int64_t fram
                                           const struct body *body);
 
 // Excludes the frame for this part: its image does not show it.
-void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p);
+void frame_selector_exclude(struct frame_selector *selector, int64_t frame, enum part part);
 
 // in_viewer: the skeleton to be shown, in the viewer camera's axes.
 // NOTHING: no frame has a neck and at least half of the skeleton's known joints,

@@ -156,16 +156,16 @@ static inline int16_t interval_distance(int16_t low, int16_t high, int16_t at)
 }
 
 // Adds lower bounds of the distances of a position from boxes, or from points where both corners are the same; each at
-// most `most`.
+// most `max`.
 static inline void add_distances(const struct position_lanes *low, const struct position_lanes *high,
-                                 const int16_t at[3], int16_t most, int16_t *restrict sums)
+                                 const int16_t at[3], int16_t max, int16_t *restrict sums)
 {
     const int16_t x = at[0], y = at[1], z = at[2];
     for (int i = 0; i < LANES; i++) {
         const int16_t distance = length_at_least(interval_distance(low->axis[0][i], high->axis[0][i], x),
                                                  interval_distance(low->axis[1][i], high->axis[1][i], y),
                                                  interval_distance(low->axis[2][i], high->axis[2][i], z));
-        sums[i] = (int16_t)(sums[i] + (distance < most ? distance : most));
+        sums[i] = (int16_t)(sums[i] + (distance < max ? distance : max));
     }
 }
 
@@ -237,13 +237,13 @@ static void search_block(struct search *search, int64_t block)
             evaluate_point(search, first + i);
 }
 
-static int64_t most_promising_block(const struct pose_index *index)
+static int64_t max_promising_block(const struct pose_index *index)
 {
     const int64_t blocks = groups_of(index->count);
     int64_t promising = 0;
     for (int64_t group = 0; group < groups_of(blocks); group++) {
-        const int16_t least = index->bounds[promising / LANES][promising % LANES];
-        if (!any_within(index->bounds[group], (int16_t)(least - 1)))
+        const int16_t min = index->bounds[promising / LANES][promising % LANES];
+        if (!any_within(index->bounds[group], (int16_t)(min - 1)))
             continue;
         for (int64_t block = group * LANES; block < blocks && block < (group + 1) * LANES; block++)
             if (index->bounds[group][block % LANES] < index->bounds[promising / LANES][promising % LANES])
@@ -276,7 +276,7 @@ void pose_index_find(struct pose_index *index, struct pose_index_query *query)
         return;
     bound_blocks(&search);
     // The block with the least bound sets the limit for all.
-    const int64_t promising = most_promising_block(index);
+    const int64_t promising = max_promising_block(index);
     search_block(&search, promising);
     for (int64_t group = 0; group < groups_of(groups_of(index->count)); group++)
         if (any_within(index->bounds[group], search.limit))

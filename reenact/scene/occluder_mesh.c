@@ -2,8 +2,8 @@
 #include "reenact/scene/occluder_mesh.h"
 
 #include "base/clamp.h"
-#include "base/threads.h"
 #include "base/portable_math.h"
+#include "base/threads.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -16,16 +16,16 @@ static const float MIN_WEIGHT = 0.4F; // about two views from 2 m; chosen by han
 
 // The net's vertex in the cube from grid point `at`: the mean of the zero crossings on its edges. False: the cube has
 // none, or a corner is unknown.
-static bool surface_net_point(const struct occluder_grid *g, size_t at, float out[3])
+static bool surface_net_point(const struct occluder_grid *grid, size_t at, float out[3])
 {
-    const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
+    const size_t step[3] = {1, (size_t)grid->size[0], (size_t)grid->size[0] * (size_t)grid->size[1]};
     float d[8], sum[3] = {0};
     int inside = 0, crossings = 0;
     for (int i = 0; i < 8; i++) {
         size_t corner = at + (i & 1) * step[0] + (size_t)(i >> 1 & 1) * step[1] + (size_t)(i >> 2) * step[2];
-        if (!(g->weight[corner] >= MIN_WEIGHT))
+        if (!(grid->weight[corner] >= MIN_WEIGHT))
             return false;
-        d[i] = g->sum[corner] / g->weight[corner];
+        d[i] = grid->sum[corner] / grid->weight[corner];
         inside += d[i] < 0;
     }
     if (inside == 0 || inside == 8)
@@ -39,29 +39,29 @@ static bool surface_net_point(const struct occluder_grid *g, size_t at, float ou
                 sum[k] += k == axis ? d[i] / (d[i] - d[j]) : (float)(i >> k & 1);
             crossings++;
         }
-    const double corner[3] = {g->corner.x, g->corner.y, g->corner.z};
-    const size_t cell[3] = {at % step[1], at / step[1] % (size_t)g->size[1], at / step[2]};
+    const double corner[3] = {grid->corner.x, grid->corner.y, grid->corner.z};
+    const size_t cell[3] = {at % step[1], at / step[1] % (size_t)grid->size[1], at / step[2]};
     for (int k = 0; k < 3; k++)
-        out[k] = (float)(corner[k] + g->step * ((double)cell[k] + (double)(sum[k] / (float)crossings)));
+        out[k] = (float)(corner[k] + grid->step * ((double)cell[k] + (double)(sum[k] / (float)crossings)));
     return true;
 }
 
 // The quads about the three edges from grid point `at`: each crossed edge joins the vertices of its four cubes.
-static void add_quads(const struct occluder_grid *g, const int32_t *number, size_t at, const int cell[3],
+static void add_quads(const struct occluder_grid *grid, const int32_t *number, size_t at, const int cell[3],
                       struct occluder_mesh *out)
 {
-    const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
+    const size_t step[3] = {1, (size_t)grid->size[0], (size_t)grid->size[0] * (size_t)grid->size[1]};
     for (int axis = 0; axis < 3; axis++) {
         int u = (axis + 1) % 3, v = (axis + 2) % 3;
-        if (cell[axis] + 1 >= g->size[axis] || cell[u] < 1 || cell[v] < 1)
+        if (cell[axis] + 1 >= grid->size[axis] || cell[u] < 1 || cell[v] < 1)
             continue;
         size_t to = at + step[axis];
-        if (!(g->weight[at] > 0 && g->weight[to] > 0) || (g->sum[at] < 0) == (g->sum[to] < 0))
+        if (!(grid->weight[at] > 0 && grid->weight[to] > 0) || (grid->sum[at] < 0) == (grid->sum[to] < 0))
             continue;
         const int32_t q[4] = {number[at], number[at - step[u]], number[at - step[u] - step[v]], number[at - step[v]]};
         if (q[0] < 0 || q[1] < 0 || q[2] < 0 || q[3] < 0)
             continue;
-        const bool along = g->sum[at] < 0; // the empty side lies along the axis
+        const bool along = grid->sum[at] < 0; // the empty side lies along the axis
         const int32_t corners[6] = {q[0], q[along ? 1 : 3], q[2], q[along ? 0 : 2], q[along ? 2 : 1], q[along ? 3 : 0]};
         for (int i = 0; i < 6; i++)
             out->corners[out->corner_count++] = (uint16_t)corners[i];
@@ -69,14 +69,14 @@ static void add_quads(const struct occluder_grid *g, const int32_t *number, size
 }
 
 // Numbers the cubes' vertices; -1: no vertex. False: there are more than OCCLUDER_MAX_POINTS.
-static bool add_points(const struct occluder_grid *g, int32_t *number, struct occluder_mesh *out)
+static bool add_points(const struct occluder_grid *grid, int32_t *number, struct occluder_mesh *out)
 {
-    for (int z = 0; z + 1 < g->size[2]; z++)
-        for (int y = 0; y + 1 < g->size[1]; y++)
-            for (int x = 0; x + 1 < g->size[0]; x++) {
-                const size_t at = occluder_grid_index(g, x, y, z);
+    for (int z = 0; z + 1 < grid->size[2]; z++)
+        for (int y = 0; y + 1 < grid->size[1]; y++)
+            for (int x = 0; x + 1 < grid->size[0]; x++) {
+                const size_t at = occluder_grid_index(grid, x, y, z);
                 float p[3];
-                number[at] = surface_net_point(g, at, p) ? out->point_count : -1;
+                number[at] = surface_net_point(grid, at, p) ? out->point_count : -1;
                 if (number[at] < 0)
                     continue;
                 if (out->point_count == OCCLUDER_MAX_POINTS)
@@ -86,12 +86,12 @@ static bool add_points(const struct occluder_grid *g, int32_t *number, struct oc
     return true;
 }
 
-static void add_faces(const struct occluder_grid *g, const int32_t *number, struct occluder_mesh *out)
+static void add_faces(const struct occluder_grid *grid, const int32_t *number, struct occluder_mesh *out)
 {
-    for (int z = 0; z + 1 < g->size[2]; z++)
-        for (int y = 0; y + 1 < g->size[1]; y++)
-            for (int x = 0; x + 1 < g->size[0]; x++)
-                add_quads(g, number, occluder_grid_index(g, x, y, z), (const int[3]){x, y, z}, out);
+    for (int z = 0; z + 1 < grid->size[2]; z++)
+        for (int y = 0; y + 1 < grid->size[1]; y++)
+            for (int x = 0; x + 1 < grid->size[0]; x++)
+                add_quads(grid, number, occluder_grid_index(grid, x, y, z), (const int[3]){x, y, z}, out);
 }
 
 void occluder_mesh_free(struct occluder_mesh *mesh)
@@ -127,21 +127,21 @@ enum status occluder_surface_nets(const struct occluder_grid *g, struct occluder
 
 // Culling of the occluder mesh by an occlusion frustum.
 
-void occlusion_frustum_add(struct occlusion_frustum *f, struct vec3 center, double radius_m)
+void occlusion_frustum_add(struct occlusion_frustum *frustum, struct vec3 center, double radius_m)
 {
     const double across[2] = {center.x, center.y}, steepest = 1.4; // radians; a side beyond is unbounded
-    const bool first = !(f->farthest_m > 0);
+    const bool first = !(frustum->farthest_m > 0);
     if (!(center.z + radius_m > 0))
         return; // behind the viewpoint
-    f->farthest_m = fmax(f->farthest_m, center.z + radius_m);
+    frustum->farthest_m = fmax(frustum->farthest_m, center.z + radius_m);
     for (int i = 0; i < 2; i++) {
         const double away = portable_hypot(across[i], center.z),
                      half = away > radius_m ? portable_asin(radius_m / away) : INFINITY;
         const double to = portable_atan2(across[i], center.z), from_rad = to - half, to_rad = to + half;
         const double low = from_rad > -steepest ? portable_tan(fmin(from_rad, steepest)) : -INFINITY;
         const double high = to_rad < steepest ? portable_tan(fmax(to_rad, -steepest)) : INFINITY;
-        f->low[i] = first ? low : fmin(f->low[i], low);
-        f->high[i] = first ? high : fmax(f->high[i], high);
+        frustum->low[i] = first ? low : fmin(frustum->low[i], low);
+        frustum->high[i] = first ? high : fmax(frustum->high[i], high);
     }
 }
 
@@ -175,11 +175,11 @@ int occluder_mesh_cull(const struct occluder_mesh *mesh, const struct affine_map
                        const struct occlusion_frustum *hidden, uint16_t *corners)
 {
     int count = 0;
-    for (const struct occluder_sphere *b = mesh->spheres; b < mesh->spheres + mesh->sphere_count; b++) {
-        if (!may_occlude(b, viewer_from_room, hidden))
+    for (const struct occluder_sphere *sphere = mesh->spheres; sphere < mesh->spheres + mesh->sphere_count; sphere++) {
+        if (!may_occlude(sphere, viewer_from_room, hidden))
             continue;
-        memcpy(corners + count, mesh->corners + b->first, sizeof *corners * (size_t)b->count);
-        count += b->count;
+        memcpy(corners + count, mesh->corners + sphere->first, sizeof *corners * (size_t)sphere->count);
+        count += sphere->count;
     }
     return count;
 }
@@ -206,7 +206,7 @@ struct depth_view {
 };
 
 // Shrinks the index range [*from, *to) to the indices for which at + index * step may be at least 0.
-static void clip(double at, double step, int *from, int *to)
+static void clip_range(double at, double step, int *from, int *to)
 {
     if (step == 0) {
         *to = at < 0 ? *from : *to;
@@ -220,58 +220,58 @@ static void clip(double at, double step, int *from, int *to)
 }
 
 // The index range of a row that the camera may see. first: its first voxel, camera axes.
-static void clip_row(const struct depth_view *v, bool ideal, const float first[3], int *from, int *to)
+static void clip_row(const struct depth_view *view, bool ideal, const float first[3], int *from, int *to)
 {
-    const struct lens *l = &v->lens;
-    const double step = v->grid->step, z = (double)first[2], dz = (double)v->camera_from_world.row[2][0] * step;
-    clip(z - NEAR_M, dz, from, to);
-    clip(FAR_M - z, -dz, from, to);
+    const struct lens *l = &view->lens;
+    const double step = view->grid->step, z = (double)first[2], dz = (double)view->camera_from_world.row[2][0] * step;
+    clip_range(z - NEAR_M, dz, from, to);
+    clip_range(FAR_M - z, -dz, from, to);
     const double f[2] = {l->fx, l->fy}, c[2] = {l->cx, l->cy}, size[2] = {l->width, l->height};
     for (int k = 0; k < 2 && ideal; k++) {
-        double across = (double)first[k] * f[k], more = (double)v->camera_from_world.row[k][0] * step * f[k];
-        clip(across + (c[k] + 0.5) * z, more + (c[k] + 0.5) * dz, from, to);
-        clip((size[k] - c[k] - 0.5) * z - across, (size[k] - c[k] - 0.5) * dz - more, from, to);
+        double across = (double)first[k] * f[k], more = (double)view->camera_from_world.row[k][0] * step * f[k];
+        clip_range(across + (c[k] + 0.5) * z, more + (c[k] + 0.5) * dz, from, to);
+        clip_range((size[k] - c[k] - 0.5) * z - across, (size[k] - c[k] - 0.5) * dz - more, from, to);
     }
 }
 
-static void grid_to_camera(const struct depth_view *v, int x, int y, int z, float p[3])
+static void grid_to_camera(const struct depth_view *view, int x, int y, int z, float p[3])
 {
-    const struct occluder_grid *g = v->grid;
-    const struct affine_map *m = &v->camera_from_world;
+    const struct occluder_grid *g = view->grid;
+    const struct affine_map *m = &view->camera_from_world;
     const float w[3] = {(float)(g->corner.x + x * g->step), (float)(g->corner.y + y * g->step),
                         (float)(g->corner.z + z * g->step)};
     for (int r = 0; r < 3; r++)
         p[r] = m->row[r][0] * w[0] + m->row[r][1] * w[1] + m->row[r][2] * w[2] + m->row[r][3];
 }
 
-static void integrate_row(const struct depth_view *v, bool ideal, int y, int z)
+static void integrate_row(const struct depth_view *view, bool ideal, int y, int z)
 {
-    const struct occluder_grid *g = v->grid;
+    const struct occluder_grid *g = view->grid;
     const float truncation = (float)g->truncation;
     int from = 0, to = g->size[0];
     float p[3];
-    grid_to_camera(v, 0, y, z, p);
-    clip_row(v, ideal, p, &from, &to);
+    grid_to_camera(view, 0, y, z, p);
+    clip_row(view, ideal, p, &from, &to);
     for (int x = from; x < to; x++) {
-        grid_to_camera(v, x, y, z, p);
+        grid_to_camera(view, x, y, z, p);
         if (!(p[2] > (float)NEAR_M) || p[2] > (float)FAR_M)
             continue;
-        double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx;
-        double py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
+        double px = (double)(p[0] / p[2]) * view->lens.fx + view->lens.cx;
+        double py = (double)(p[1] / p[2]) * view->lens.fy + view->lens.cy;
         if (!ideal) {
-            struct pixel distorted = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
+            struct pixel distorted = lens_project(&view->lens, v3((double)p[0], (double)p[1], (double)p[2]));
             px = distorted.x, py = distorted.y;
         }
         px += 0.5, py += 0.5;
-        if (!(px >= 0 && py >= 0 && px < v->lens.width && py < v->lens.height))
+        if (!(px >= 0 && py >= 0 && px < view->lens.width && py < view->lens.height))
             continue;
-        int i = (int)py * v->lens.width + (int)px;
-        if (!v->depth[i] || (v->mask && v->mask[i]))
+        int i = (int)py * view->lens.width + (int)px;
+        if (!view->depth[i] || (view->mask && view->mask[i]))
             continue;
-        float distance = (float)v->depth[i] * 1e-3F - p[2];
+        float distance = (float)view->depth[i] * 1e-3F - p[2];
         if (distance < -truncation)
             continue;
-        float weight = v->weight / (p[2] * p[2]);
+        float weight = view->weight / (p[2] * p[2]);
         size_t at = occluder_grid_index(g, x, y, z);
         g->sum[at] += weight * (distance < truncation ? distance : truncation);
         g->weight[at] += weight;
@@ -288,9 +288,9 @@ static void integrate_slice(void *context, int z)
 
 // Curless & Levoy 1996: adds truncated signed distances, weighted by 1 / z^2. Slices are independent, so the result
 // does not depend on the number of threads.
-static void integrate_view(struct depth_view *v, int threads)
+static void integrate_view(struct depth_view *view, int threads)
 {
-    parallel_for(threads, v->grid->size[2], integrate_slice, v);
+    parallel_for(threads, view->grid->size[2], integrate_slice, view);
 }
 
 // ---------------------------------------------------------------- the grid
@@ -313,46 +313,46 @@ static bool find_actor_bounds(const struct take *take, struct vec3 *low, struct 
     return low->x < high->x;
 }
 
-static enum status open_grid(struct occluder_grid *g, const struct take *take, double step)
+static enum status open_grid(struct occluder_grid *grid, const struct take *take, double step)
 {
     struct vec3 low, high;
     if (!find_actor_bounds(take, &low, &high))
         return NOTHING;
-    *g = (struct occluder_grid){
+    *grid = (struct occluder_grid){
         .corner = v3(low.x - MARGIN_M, low.y - MARGIN_M, FLOOR_M), .step = step, .truncation = 2.5 * step};
     const double extent[3] = {high.x - low.x + 2 * MARGIN_M, high.y - low.y + 2 * MARGIN_M,
                               high.z + HEADROOM_M - FLOOR_M};
     double count = 1;
     for (int i = 0; i < 3; i++) {
-        g->size[i] = (int)fmin(fmax(ceil(extent[i] / step), 0), 1e6) + 1;
-        count *= g->size[i];
+        grid->size[i] = (int)fmin(fmax(ceil(extent[i] / step), 0), 1e6) + 1;
+        count *= grid->size[i];
     }
     if (count > MAX_VOXELS)
-        return open_grid(g, take, step * COARSENING);
-    g->sum = calloc((size_t)count, sizeof *g->sum);
-    g->weight = calloc((size_t)count, sizeof *g->weight);
-    return g->sum && g->weight ? OK : fail(ERR_MEMORY, "no memory for the room's surface");
+        return open_grid(grid, take, step * COARSENING);
+    grid->sum = calloc((size_t)count, sizeof *grid->sum);
+    grid->weight = calloc((size_t)count, sizeof *grid->weight);
+    return grid->sum && grid->weight ? OK : fail(ERR_MEMORY, "no memory for the room's surface");
 }
 
-static void close_grid(struct occluder_grid *g)
+static void close_grid(struct occluder_grid *grid)
 {
-    free(g->sum);
-    free(g->weight);
+    free(grid->sum);
+    free(grid->weight);
 }
 
-static struct affine_map depth_from_world(const struct calibration *c, struct pose world_from_color)
+static struct affine_map depth_from_world(const struct calibration *calibration, struct pose world_from_color)
 {
-    return affine_from_pose(pose_inverse(pose_multiply(world_from_color, c->color_from_depth)));
+    return affine_from_pose(pose_inverse(pose_multiply(world_from_color, calibration->color_from_depth)));
 }
 
-static enum status integrate_place(struct occluder_grid *g, const struct place *place,
+static enum status integrate_place(struct occluder_grid *grid, const struct place *place,
                                    const struct occluder_options *options)
 {
     const struct calibration *c = &place->calibration;
     for (int32_t i = 0; i < place->view_count; i++) {
         if (!progress_continue(options->watch, (double)i / place->view_count))
             return NOTHING;
-        struct depth_view v = {g, place->views[i].depth, NULL, c->depth, {{{0}}}, 1};
+        struct depth_view v = {grid, place->views[i].depth, NULL, c->depth, {{{0}}}, 1};
         if (!v.depth)
             continue;
         v.camera_from_world = depth_from_world(c, place->views[i].world_from_camera);
@@ -362,7 +362,7 @@ static enum status integrate_place(struct occluder_grid *g, const struct place *
 }
 
 // The room during the take, seen from its sensor.
-static enum status integrate_take(struct occluder_grid *g, struct take *take, int threads)
+static enum status integrate_take(struct occluder_grid *grid, struct take *take, int threads)
 {
     const struct calibration *c = take_calibration(take);
     int64_t frames = take_frame_count(take), before = -1;
@@ -379,39 +379,41 @@ static enum status integrate_take(struct occluder_grid *g, struct take *take, in
         if (status != OK)
             return status;
         struct depth_view v = {
-            g, images.depth, images.mask, c->depth, depth_from_world(c, e->world_from_camera), FRAME_WEIGHT};
+            grid, images.depth, images.mask, c->depth, depth_from_world(c, e->world_from_camera), FRAME_WEIGHT};
         integrate_view(&v, threads);
     }
     return OK;
 }
 
 // Marks the voxels of a capsule as empty: the actor was there.
-static void clear_capsule(struct occluder_grid *g, struct vec3 a, struct vec3 b, double radius)
+static void clear_capsule(struct occluder_grid *grid, struct vec3 a, struct vec3 b, double radius)
 {
     struct vec3 along = v3_sub(b, a);
     double length2 = v3_dot(along, along);
-    const double lows[3] = {fmin(a.x, b.x) - g->corner.x, fmin(a.y, b.y) - g->corner.y, fmin(a.z, b.z) - g->corner.z};
-    const double highs[3] = {fmax(a.x, b.x) - g->corner.x, fmax(a.y, b.y) - g->corner.y, fmax(a.z, b.z) - g->corner.z};
+    const double lows[3] = {fmin(a.x, b.x) - grid->corner.x, fmin(a.y, b.y) - grid->corner.y,
+                            fmin(a.z, b.z) - grid->corner.z};
+    const double highs[3] = {fmax(a.x, b.x) - grid->corner.x, fmax(a.y, b.y) - grid->corner.y,
+                             fmax(a.z, b.z) - grid->corner.z};
     int from[3], to[3];
     for (int i = 0; i < 3; i++) {
-        from[i] = (int)fmin(fmax(ceil((lows[i] - radius) / g->step), 0), g->size[i]);
-        to[i] = (int)fmin(fmax(floor((highs[i] + radius) / g->step) + 1, 0), g->size[i]);
+        from[i] = (int)fmin(fmax(ceil((lows[i] - radius) / grid->step), 0), grid->size[i]);
+        to[i] = (int)fmin(fmax(floor((highs[i] + radius) / grid->step) + 1, 0), grid->size[i]);
     }
     for (int z = from[2]; z < to[2]; z++)
         for (int y = from[1]; y < to[1]; y++)
             for (int x = from[0]; x < to[0]; x++) {
-                struct vec3 p = v3_sub(v3_add(g->corner, v3(x * g->step, y * g->step, z * g->step)), a);
+                struct vec3 p = v3_sub(v3_add(grid->corner, v3(x * grid->step, y * grid->step, z * grid->step)), a);
                 double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
                 t = clamp_double(t, 0, 1);
                 if (v3_length(v3_sub(p, v3_scale(along, t))) > radius)
                     continue;
-                size_t at = occluder_grid_index(g, x, y, z);
-                g->weight[at] = 1;
-                g->sum[at] = (float)g->truncation;
+                size_t at = occluder_grid_index(grid, x, y, z);
+                grid->weight[at] = 1;
+                grid->sum[at] = (float)grid->truncation;
             }
 }
 
-static void clear_body(struct occluder_grid *g, const struct take *take)
+static void clear_body(struct occluder_grid *grid, const struct take *take)
 {
     int64_t frames = take_frame_count(take), step = 1 + frames / BODY_FRAMES;
     const struct body *body = take_body(take);
@@ -422,7 +424,7 @@ static void clear_body(struct occluder_grid *g, const struct take *take)
                 continue;
             struct vec3 a = pose_apply(e->world_from_camera, e->skeleton.joint[part_ends[p].from]);
             struct vec3 b = pose_apply(e->world_from_camera, e->skeleton.joint[part_ends[p].to]);
-            clear_capsule(g, a, b, fmin(body->radius_rate[p] * v3_distance(a, b), OCCLUDER_BODY_RADIUS_M));
+            clear_capsule(grid, a, b, fmin(body->radius_rate[p] * v3_distance(a, b), OCCLUDER_BODY_RADIUS_M));
         }
     }
 }
@@ -437,11 +439,11 @@ struct cell_triangle {
 
 static int compare_cells(const void *a, const void *b)
 {
-    const struct cell_triangle *x = a, *y = b;
+    const struct cell_triangle *triangle = a, *y = b;
     int differ = 0;
     for (int k = 0; k < 3 && !differ; k++)
-        differ = (x->cell[k] > y->cell[k]) - (x->cell[k] < y->cell[k]);
-    return differ ? differ : memcmp(x->corners, y->corners, sizeof x->corners);
+        differ = (triangle->cell[k] > y->cell[k]) - (triangle->cell[k] < y->cell[k]);
+    return differ ? differ : memcmp(triangle->corners, y->corners, sizeof triangle->corners);
 }
 
 // Centred on a cell, containing all its triangles.

@@ -53,9 +53,9 @@ struct occluder_grid {
     float *sum, *weight; // [z][y][x]
 };
 
-static inline size_t occluder_grid_index(const struct occluder_grid *g, int x, int y, int z)
+static inline size_t occluder_grid_index(const struct occluder_grid *grid, int x, int y, int z)
 {
-    return ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
+    return ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x;
 }
 
 // Extracts the zero crossing by naive surface nets (after Gibson 1998, without relaxation). OK with *too_large: it has
@@ -74,7 +74,7 @@ struct occlusion_frustum {
 };
 
 // Extends the frustum to a sphere, metres.
-void occlusion_frustum_add(struct occlusion_frustum *f, struct vec3 center, double radius_m);
+void occlusion_frustum_add(struct occlusion_frustum *frustum, struct vec3 center, double radius_m);
 
 // The frustum of a body, from its known joints.
 struct occlusion_frustum occlusion_frustum_body(const struct skeleton *in_viewer);

@@ -37,45 +37,45 @@ static uint32_t hash(const int32_t c[3])
 }
 
 // The number of the point's cluster, a new one if need be. -1: there are too many.
-static int32_t cluster_of(struct builder *b, struct vec3 p)
+static int32_t cluster_of(struct builder *builder, struct vec3 p)
 {
-    const int32_t cell[3] = {(int32_t)floor(p.x / b->cell_m), (int32_t)floor(p.y / b->cell_m),
-                             (int32_t)floor(p.z / b->cell_m)};
+    const int32_t cell[3] = {(int32_t)floor(p.x / builder->cell_m), (int32_t)floor(p.y / builder->cell_m),
+                             (int32_t)floor(p.z / builder->cell_m)};
     uint32_t at = hash(cell) % TABLE;
-    while (b->table[at].number && memcmp(b->table[at].cell, cell, sizeof cell) != 0)
+    while (builder->table[at].number && memcmp(builder->table[at].cell, cell, sizeof cell) != 0)
         at = (at + 1) % TABLE;
-    if (b->table[at].number)
-        return b->table[at].number - 1;
-    if (b->vertex_count == PLACE_MESH_VERTICES) {
-        b->full = true;
+    if (builder->table[at].number)
+        return builder->table[at].number - 1;
+    if (builder->vertex_count == PLACE_MESH_VERTICES) {
+        builder->full = true;
         return -1;
     }
-    memcpy(b->table[at].cell, cell, sizeof cell);
-    b->table[at].number = ++b->vertex_count;
-    memset(b->sum[b->vertex_count - 1], 0, sizeof *b->sum);
-    return b->vertex_count - 1;
+    memcpy(builder->table[at].cell, cell, sizeof cell);
+    builder->table[at].number = ++builder->vertex_count;
+    memset(builder->sum[builder->vertex_count - 1], 0, sizeof *builder->sum);
+    return builder->vertex_count - 1;
 }
 
-static void place_points(struct builder *b, const struct place_view *view)
+static void place_points(struct builder *builder, const struct place_view *view)
 {
-    const struct calibration *c = &b->place->calibration;
-    for (int r = 0; r < b->rows; r++)
-        for (int k = 0; k < b->columns; k++) {
+    const struct calibration *c = &builder->place->calibration;
+    for (int r = 0; r < builder->rows; r++)
+        for (int k = 0; k < builder->columns; k++) {
             const int x = k * STEP, y = r * STEP;
             const double z = view->depth[(size_t)y * (size_t)c->depth.width + (size_t)x] * 1e-3;
-            const int i = r * b->columns + k;
-            b->numbers[i] = -1;
-            b->points[i] = v3(NAN, NAN, NAN);
+            const int i = r * builder->columns + k;
+            builder->numbers[i] = -1;
+            builder->points[i] = v3(NAN, NAN, NAN);
             if (!(z > 0.2 && z < FARTHEST_M))
                 continue;
             const struct vec3 ray = lens_ray(&c->depth, (struct pixel){x, y});
             const struct vec3 in_color = pose_apply(c->color_from_depth, v3_scale(ray, z));
-            b->points[i] = pose_apply(view->world_from_camera, in_color);
-            b->numbers[i] = cluster_of(b, b->points[i]);
-            if (b->numbers[i] < 0)
+            builder->points[i] = pose_apply(view->world_from_camera, in_color);
+            builder->numbers[i] = cluster_of(builder, builder->points[i]);
+            if (builder->numbers[i] < 0)
                 continue;
-            double *sum = b->sum[b->numbers[i]];
-            sum[0] += b->points[i].x, sum[1] += b->points[i].y, sum[2] += b->points[i].z;
+            double *sum = builder->sum[builder->numbers[i]];
+            sum[0] += builder->points[i].x, sum[1] += builder->points[i].y, sum[2] += builder->points[i].z;
             sum[9]++;
             if (!(in_color.z > 0.05))
                 continue;
@@ -83,84 +83,84 @@ static void place_points(struct builder *b, const struct place_view *view)
             const int u = (int)(px.x + 0.5), v = (int)(px.y + 0.5);
             const bool within = px.x >= 0 && px.y >= 0 && u < c->color.width && v < c->color.height;
             const uint8_t *rgb =
-                within && b->rgb ? b->rgb + 3 * ((size_t)v * (size_t)c->color.width + (size_t)u) : NULL;
+                within && builder->rgb ? builder->rgb + 3 * ((size_t)v * (size_t)c->color.width + (size_t)u) : NULL;
             for (int n = 0; n < 3; n++)
                 sum[6 + n] += rgb ? rgb[n] : 128;
         }
 }
 
-static bool joined(const struct builder *b, struct vec3 eye, const int corner[3])
+static bool is_triangle_joined(const struct builder *builder, struct vec3 eye, const int corner[3])
 {
     for (int k = 0; k < 3; k++) {
-        const struct vec3 p = b->points[corner[k]], q = b->points[corner[(k + 1) % 3]];
+        const struct vec3 p = builder->points[corner[k]], q = builder->points[corner[(k + 1) % 3]];
         const double near = v3_distance(p, eye);
-        if (b->numbers[corner[k]] < 0 || !(fabs(near - v3_distance(q, eye)) < JUMP * near))
+        if (builder->numbers[corner[k]] < 0 || !(fabs(near - v3_distance(q, eye)) < JUMP * near))
             return false;
     }
     return true;
 }
 
-static void add_triangle(struct builder *b, struct vec3 eye, const int corner[3])
+static void add_triangle(struct builder *builder, struct vec3 eye, const int corner[3])
 {
-    if (!joined(b, eye, corner))
+    if (!is_triangle_joined(builder, eye, corner))
         return;
-    const struct vec3 p = b->points[corner[0]];
-    const struct vec3 n = v3_cross(v3_sub(b->points[corner[1]], p), v3_sub(b->points[corner[2]], p));
-    const int32_t of[3] = {b->numbers[corner[0]], b->numbers[corner[1]], b->numbers[corner[2]]};
+    const struct vec3 p = builder->points[corner[0]];
+    const struct vec3 n = v3_cross(v3_sub(builder->points[corner[1]], p), v3_sub(builder->points[corner[2]], p));
+    const int32_t of[3] = {builder->numbers[corner[0]], builder->numbers[corner[1]], builder->numbers[corner[2]]};
     for (int k = 0; k < 3; k++) {
-        double *sum = b->sum[of[k]];
+        double *sum = builder->sum[of[k]];
         sum[3] += n.x, sum[4] += n.y, sum[5] += n.z;
     }
     if (of[0] == of[1] || of[1] == of[2] || of[2] == of[0])
         return;
-    if (b->corner_count + 3 > b->corner_room) {
-        const int room = b->corner_room ? 2 * b->corner_room : 1 << 16;
-        uint32_t *grown = realloc(b->corners, sizeof *grown * (size_t)room);
-        b->failed |= !grown;
+    if (builder->corner_count + 3 > builder->corner_room) {
+        const int room = builder->corner_room ? 2 * builder->corner_room : 1 << 16;
+        uint32_t *grown = realloc(builder->corners, sizeof *grown * (size_t)room);
+        builder->failed |= !grown;
         if (!grown)
             return;
-        b->corners = grown;
-        b->corner_room = room;
+        builder->corners = grown;
+        builder->corner_room = room;
     }
     int first = 0; // the lowest number first
     for (int k = 1; k < 3; k++)
         if (of[k] < of[first])
             first = k;
     for (int k = 0; k < 3; k++)
-        b->corners[b->corner_count++] = (uint32_t)of[(first + k) % 3];
+        builder->corners[builder->corner_count++] = (uint32_t)of[(first + k) % 3];
 }
 
-static void add_view(struct builder *b, const struct place_view *view)
+static void add_view(struct builder *builder, const struct place_view *view)
 {
-    const struct calibration *c = &b->place->calibration;
+    const struct calibration *c = &builder->place->calibration;
     const struct vec3 eye = view->world_from_camera.translation;
-    uint8_t *rgb = b->rgb;
+    uint8_t *rgb = builder->rgb;
     if (!view->jpeg || (rgb && jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height) != OK))
-        b->rgb = NULL; // grey
-    place_points(b, view);
-    for (int r = 0; r + 1 < b->rows; r++)
-        for (int k = 0; k + 1 < b->columns; k++) {
-            const int i = r * b->columns + k;
+        builder->rgb = NULL; // grey
+    place_points(builder, view);
+    for (int r = 0; r + 1 < builder->rows; r++)
+        for (int k = 0; k + 1 < builder->columns; k++) {
+            const int i = r * builder->columns + k;
             // Rows run down and columns right in the picture, so this order is counter-clockwise to the camera.
-            add_triangle(b, eye, (const int[3]){i, i + b->columns, i + 1});
-            add_triangle(b, eye, (const int[3]){i + 1, i + b->columns, i + b->columns + 1});
+            add_triangle(builder, eye, (const int[3]){i, i + builder->columns, i + 1});
+            add_triangle(builder, eye, (const int[3]){i + 1, i + builder->columns, i + builder->columns + 1});
         }
-    b->rgb = rgb;
+    builder->rgb = rgb;
 }
 
 static int compare_triangles(const void *a, const void *b) { return memcmp(a, b, 3 * sizeof(uint32_t)); }
 
 // Views that show the same wall give the same triangles.
-static void remove_doubles(struct builder *b)
+static void remove_doubles(struct builder *builder)
 {
     int kept = 0;
-    qsort(b->corners, (size_t)b->corner_count / 3, 3 * sizeof *b->corners, compare_triangles);
-    for (int i = 0; i < b->corner_count; i += 3)
-        if (!kept || compare_triangles(b->corners + i, b->corners + kept - 3) != 0) {
-            memmove(b->corners + kept, b->corners + i, 3 * sizeof *b->corners);
+    qsort(builder->corners, (size_t)builder->corner_count / 3, 3 * sizeof *builder->corners, compare_triangles);
+    for (int i = 0; i < builder->corner_count; i += 3)
+        if (!kept || compare_triangles(builder->corners + i, builder->corners + kept - 3) != 0) {
+            memmove(builder->corners + kept, builder->corners + i, 3 * sizeof *builder->corners);
             kept += 3;
         }
-    b->corner_count = kept;
+    builder->corner_count = kept;
 }
 
 static int compare_floats(const void *a, const void *b)
@@ -169,36 +169,36 @@ static int compare_floats(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static bool find_bounds(struct place_mesh *m)
+static bool find_bounds(struct place_mesh *mesh)
 {
-    float *sorted = malloc(sizeof *sorted * (size_t)m->vertex_count);
+    float *sorted = malloc(sizeof *sorted * (size_t)mesh->vertex_count);
     double low[3], high[3];
     if (!sorted)
         return false;
     for (int k = 0; k < 3; k++) {
-        for (int i = 0; i < m->vertex_count; i++)
-            sorted[i] = m->vertices[i].at[k];
-        qsort(sorted, (size_t)m->vertex_count, sizeof *sorted, compare_floats);
-        low[k] = (double)sorted[m->vertex_count / 50];
-        high[k] = (double)sorted[m->vertex_count - 1 - m->vertex_count / 50];
+        for (int i = 0; i < mesh->vertex_count; i++)
+            sorted[i] = mesh->vertices[i].at[k];
+        qsort(sorted, (size_t)mesh->vertex_count, sizeof *sorted, compare_floats);
+        low[k] = (double)sorted[mesh->vertex_count / 50];
+        high[k] = (double)sorted[mesh->vertex_count - 1 - mesh->vertex_count / 50];
     }
     free(sorted);
-    m->low = v3(low[0], low[1], low[2]);
-    m->high = v3(high[0], high[1], high[2]);
+    mesh->low = v3(low[0], low[1], low[2]);
+    mesh->high = v3(high[0], high[1], high[2]);
     return true;
 }
 
-static enum status finish(struct builder *b, struct place_mesh *out)
+static enum status finish_mesh(struct builder *builder, struct place_mesh *out)
 {
-    remove_doubles(b);
-    *out = (struct place_mesh){.vertices = malloc(sizeof *out->vertices * (size_t)(b->vertex_count + 1)),
-                               .corners = b->corners,
-                               .vertex_count = b->vertex_count,
-                               .corner_count = b->corner_count,
-                               .cell_m = b->cell_m};
-    b->corners = NULL;
-    for (int i = 0; i < b->vertex_count && out->vertices; i++) {
-        const double *s = b->sum[i];
+    remove_doubles(builder);
+    *out = (struct place_mesh){.vertices = malloc(sizeof *out->vertices * (size_t)(builder->vertex_count + 1)),
+                               .corners = builder->corners,
+                               .vertex_count = builder->vertex_count,
+                               .corner_count = builder->corner_count,
+                               .cell_m = builder->cell_m};
+    builder->corners = NULL;
+    for (int i = 0; i < builder->vertex_count && out->vertices; i++) {
+        const double *s = builder->sum[i];
         const struct vec3 n = v3_unit(v3(s[3], s[4], s[5]));
         struct place_mesh_vertex *v = &out->vertices[i];
         *v = (struct place_mesh_vertex){.normal = {(float)n.x, (float)n.y, (float)n.z}};
@@ -215,20 +215,20 @@ static enum status finish(struct builder *b, struct place_mesh *out)
 }
 
 // One attempt with cells of that side. NOTHING: cancelled, or nothing was seen.
-static enum status attempt(struct builder *b, bool (*keep_going)(void *self), void *self)
+static enum status attempt_mesh(struct builder *builder, bool (*keep_going)(void *self), void *self)
 {
-    memset(b->table, 0, sizeof *b->table * TABLE);
-    b->vertex_count = b->corner_count = 0;
-    b->full = false;
-    for (int i = 0; i < b->place->view_count && !b->full && !b->failed; i++) {
+    memset(builder->table, 0, sizeof *builder->table * TABLE);
+    builder->vertex_count = builder->corner_count = 0;
+    builder->full = false;
+    for (int i = 0; i < builder->place->view_count && !builder->full && !builder->failed; i++) {
         if (keep_going && !keep_going(self))
             return NOTHING;
-        if (b->place->views[i].depth)
-            add_view(b, &b->place->views[i]);
+        if (builder->place->views[i].depth)
+            add_view(builder, &builder->place->views[i]);
     }
-    if (b->failed)
+    if (builder->failed)
         return fail(ERR_MEMORY, "no memory for the map of the place");
-    return b->full || b->corner_count ? OK : NOTHING;
+    return builder->full || builder->corner_count ? OK : NOTHING;
 }
 
 enum status place_mesh_make(struct place_mesh *out, const struct place *place, bool (*keep_going)(void *self),
@@ -251,9 +251,9 @@ enum status place_mesh_make(struct place_mesh *out, const struct place *place, b
                              ? OK
                              : fail(ERR_MEMORY, "no memory for the map of the place");
     for (; status == OK && b.full; b.cell_m *= b.full ? GROW : 1)
-        status = attempt(&b, keep_going, self);
+        status = attempt_mesh(&b, keep_going, self);
     if (status == OK)
-        status = finish(&b, out);
+        status = finish_mesh(&b, out);
     free(b.table);
     free(b.sum);
     free(b.points);
@@ -263,9 +263,9 @@ enum status place_mesh_make(struct place_mesh *out, const struct place *place, b
     return status;
 }
 
-void place_mesh_free(struct place_mesh *m)
+void place_mesh_free(struct place_mesh *mesh)
 {
-    free(m->vertices);
-    free(m->corners);
-    *m = (struct place_mesh){0};
+    free(mesh->vertices);
+    free(mesh->corners);
+    *mesh = (struct place_mesh){0};
 }

@@ -24,4 +24,4 @@ enum { PLACE_MESH_VERTICES = 60000 }; // at most: cells grow until so many suffi
 // zeroed unless OK.
 MUST_CHECK enum status place_mesh_make(struct place_mesh *out, const struct place *place,
                                        bool (*keep_going)(void *self), void *self);
-void place_mesh_free(struct place_mesh *m); // zeroed is fine
+void place_mesh_free(struct place_mesh *mesh); // zeroed is fine

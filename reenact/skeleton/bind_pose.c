@@ -11,52 +11,55 @@
 
 static const double MIN_LENGTH_M = 1e-3;
 
-static bool joint_known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+static bool joint_known(const struct skeleton *skeleton, enum joint joint) { return skeleton->confidence[joint] > 0; }
 
 static struct vec3 perpendicular_to(struct vec3 v, struct vec3 unit) // the part of v perpendicular to `unit`
 {
     return v3_sub(v, v3_scale(unit, v3_dot(v, unit)));
 }
 
-static bool set_bone_axis(const struct skeleton *s, enum part p, struct bone_frame *f)
+static bool set_bone_axis(const struct skeleton *skeleton, enum part part, struct bone_frame *frame)
 {
-    enum joint from = part_ends[p].from, to = part_ends[p].to;
-    if (!joint_known(s, from) || !joint_known(s, to))
+    enum joint from = part_ends[part].from, to = part_ends[part].to;
+    if (!joint_known(skeleton, from) || !joint_known(skeleton, to))
         return false;
-    struct vec3 along = v3_sub(s->joint[to], s->joint[from]);
-    f->length = v3_length(along);
-    if (!(f->length >= MIN_LENGTH_M) || !isfinite(f->length))
+    struct vec3 along = v3_sub(skeleton->joint[to], skeleton->joint[from]);
+    frame->length = v3_length(along);
+    if (!(frame->length >= MIN_LENGTH_M) || !isfinite(frame->length))
         return false;
-    f->origin = s->joint[from];
-    f->z = v3_unit(along);
+    frame->origin = skeleton->joint[from];
+    frame->z = v3_unit(along);
     return true;
 }
 
 // y as near to `wanted` as perpendicularity to the bone allows.
-static void set_front(struct bone_frame *f, struct vec3 wanted)
+static void set_front(struct bone_frame *frame, struct vec3 wanted)
 {
-    struct vec3 y = perpendicular_to(wanted, f->z);
+    struct vec3 y = perpendicular_to(wanted, frame->z);
     // Nearly along the bone only rounding is left: a perpendicular that depends on the bone alone is stable.
     if (!(v3_length(y) > 1e-6 * v3_length(wanted)))
-        y = v3_perpendicular(f->z);
-    f->y = v3_unit(y);
-    f->x = v3_cross(f->y, f->z);
+        y = v3_perpendicular(frame->z);
+    frame->y = v3_unit(y);
+    frame->x = v3_cross(frame->y, frame->z);
 }
 
-struct vec3 bone_frame_midpoint(const struct bone_frame *f) { return v3_add(f->origin, v3_scale(f->z, f->length / 2)); }
+struct vec3 bone_frame_midpoint(const struct bone_frame *frame)
+{
+    return v3_add(frame->origin, v3_scale(frame->z, frame->length / 2));
+}
 
 // The same bone, rotated about it so that y leans towards `eye`.
-static struct bone_frame rotated_to_eye(const struct bone_frame *f, struct vec3 eye)
+static struct bone_frame rotated_to_eye(const struct bone_frame *frame, struct vec3 eye)
 {
-    struct bone_frame rotated = *f;
-    set_front(&rotated, v3_sub(eye, bone_frame_midpoint(f)));
+    struct bone_frame rotated = *frame;
+    set_front(&rotated, v3_sub(eye, bone_frame_midpoint(frame)));
     return rotated;
 }
 
-bool bone_frame_viewer_aligned(const struct skeleton *s, enum part p, struct vec3 eye, struct bone_frame *out)
+bool bone_frame_viewer_aligned(const struct skeleton *skeleton, enum part part, struct vec3 eye, struct bone_frame *out)
 {
     struct bone_frame f;
-    if (!set_bone_axis(s, p, &f))
+    if (!set_bone_axis(skeleton, part, &f))
         return false;
     *out = rotated_to_eye(&f, eye);
     return true;
@@ -69,26 +72,27 @@ struct trunk {
 };
 
 // Unit vector from the right to the left joint, or zero.
-static struct vec3 lateral_axis(const struct skeleton *s, enum joint left, enum joint right)
+static struct vec3 lateral_axis(const struct skeleton *skeleton, enum joint left, enum joint right)
 {
-    return joint_known(s, left) && joint_known(s, right) ? v3_unit(v3_sub(s->joint[left], s->joint[right]))
-                                                         : v3(0, 0, 0);
+    return joint_known(skeleton, left) && joint_known(skeleton, right)
+               ? v3_unit(v3_sub(skeleton->joint[left], skeleton->joint[right]))
+               : v3(0, 0, 0);
 }
 
-static bool find_trunk(const struct skeleton *s, bool lower, struct trunk *out)
+static bool find_trunk(const struct skeleton *skeleton, bool lower, struct trunk *out)
 {
     static const enum joint heights[] = {JOINT_NECK, JOINT_TORSO, JOINT_WAIST};
     int top = -1, bottom = -1;
     for (int i = 0; i < 3; i++)
-        if (joint_known(s, heights[i])) {
+        if (joint_known(skeleton, heights[i])) {
             top = top < 0 ? i : top;
             bottom = i;
         }
     if (top < 0 || top == bottom)
         return false;
-    out->down = v3_unit(v3_sub(s->joint[heights[bottom]], s->joint[heights[top]]));
-    struct vec3 shoulders = lateral_axis(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER);
-    struct vec3 hips = lateral_axis(s, JOINT_LEFT_HIP, JOINT_RIGHT_HIP);
+    out->down = v3_unit(v3_sub(skeleton->joint[heights[bottom]], skeleton->joint[heights[top]]));
+    struct vec3 shoulders = lateral_axis(skeleton, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER);
+    struct vec3 hips = lateral_axis(skeleton, JOINT_LEFT_HIP, JOINT_RIGHT_HIP);
     // The trunk may be twisted: the nearer pair has four times the farther one's weight.
     struct vec3 left = lower ? v3_add(v3_scale(hips, 4), shoulders) : v3_add(v3_scale(shoulders, 4), hips);
     left = perpendicular_to(left, out->down);
@@ -106,43 +110,44 @@ struct hinged_limb {
     double side_sign; // +1 on the left, -1 on the right
 };
 
-static bool find_hinged_limb(enum part p, struct hinged_limb *l)
+static bool find_hinged_limb(enum part part, struct hinged_limb *limb)
 {
-    switch (p) {
+    switch (part) {
     case PART_LEFT_UPPER_ARM:
     case PART_LEFT_FOREARM:
-        *l = (struct hinged_limb){JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, 1, false, 1};
+        *limb = (struct hinged_limb){JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, 1, false, 1};
         return true;
     case PART_RIGHT_UPPER_ARM:
     case PART_RIGHT_FOREARM:
-        *l = (struct hinged_limb){JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, 1, false, -1};
+        *limb = (struct hinged_limb){JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, 1, false, -1};
         return true;
     case PART_LEFT_THIGH:
     case PART_LEFT_SHIN:
-        *l = (struct hinged_limb){JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, -1, true, 1};
+        *limb = (struct hinged_limb){JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, -1, true, 1};
         return true;
     case PART_RIGHT_THIGH:
     case PART_RIGHT_SHIN:
-        *l = (struct hinged_limb){JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, -1, true, -1};
+        *limb = (struct hinged_limb){JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, -1, true, -1};
         return true;
     default: return false;
     }
 }
 
-static struct vec3 limb_front(const struct skeleton *s, const struct hinged_limb *l, const struct trunk *trunk,
-                              struct vec3 z)
+static struct vec3 limb_front(const struct skeleton *skeleton, const struct hinged_limb *limb,
+                              const struct trunk *trunk, struct vec3 z)
 {
     // From the trunk: shortest rotation from the neutral direction (legs down, arms down and outwards;
     // its opposite, where that rotation is undefined, is one no arm can point to).
-    struct vec3 neutral = l->leg ? trunk->down : v3_unit(v3_add(trunk->down, v3_scale(trunk->left, l->side_sign)));
+    struct vec3 neutral =
+        limb->leg ? trunk->down : v3_unit(v3_add(trunk->down, v3_scale(trunk->left, limb->side_sign)));
     struct vec3 from_trunk = quat_rotate(quat_between(neutral, z), trunk->front);
-    if (!joint_known(s, l->root) || !joint_known(s, l->hinge) || !joint_known(s, l->tip))
+    if (!joint_known(skeleton, limb->root) || !joint_known(skeleton, limb->hinge) || !joint_known(skeleton, limb->tip))
         return from_trunk;
-    struct vec3 upper = v3_unit(v3_sub(s->joint[l->hinge], s->joint[l->root]));
-    struct vec3 lower = v3_unit(v3_sub(s->joint[l->tip], s->joint[l->hinge]));
+    struct vec3 upper = v3_unit(v3_sub(skeleton->joint[limb->hinge], skeleton->joint[limb->root]));
+    struct vec3 lower = v3_unit(v3_sub(skeleton->joint[limb->tip], skeleton->joint[limb->hinge]));
     struct vec3 hinge = v3_cross(upper, lower); // its length is the sine of the bend
     double bend = v3_length(hinge);
-    struct vec3 bent = v3_scale(v3_unit(v3_cross(hinge, z)), l->bend_sign);
+    struct vec3 bent = v3_scale(v3_unit(v3_cross(hinge, z)), limb->bend_sign);
     // From 15 to 45 degrees of bend the hinge takes over.
     double t = (bend - 0.26) / (0.71 - 0.26);
     t = clamp_double(t, 0, 1);
@@ -153,32 +158,33 @@ static struct vec3 limb_front(const struct skeleton *s, const struct hinged_limb
     return t < 0.5 ? from_trunk : bent;
 }
 
-bool bone_frame_body_aligned(const struct skeleton *s, enum part p, struct bone_frame *out)
+bool bone_frame_body_aligned(const struct skeleton *skeleton, enum part part, struct bone_frame *out)
 {
     struct bone_frame f;
     struct trunk trunk;
     struct hinged_limb limb = {0};
-    bool is_limb = find_hinged_limb(p, &limb);
-    if (!set_bone_axis(s, p, &f) || !find_trunk(s, p == PART_LOWER_TORSO || (is_limb && limb.leg), &trunk))
+    bool is_limb = find_hinged_limb(part, &limb);
+    if (!set_bone_axis(skeleton, part, &f) ||
+        !find_trunk(skeleton, part == PART_LOWER_TORSO || (is_limb && limb.leg), &trunk))
         return false;
     if (is_limb) {
-        set_front(&f, limb_front(s, &limb, &trunk, f.z));
+        set_front(&f, limb_front(skeleton, &limb, &trunk, f.z));
     } else {
-        struct vec3 neutral = p == PART_HEAD ? v3_scale(trunk.down, -1) : trunk.down;
+        struct vec3 neutral = part == PART_HEAD ? v3_scale(trunk.down, -1) : trunk.down;
         set_front(&f, quat_rotate(quat_between(neutral, f.z), trunk.front));
     }
     *out = f;
     return true;
 }
 
-struct vec3 bone_frame_local_direction(const struct bone_frame *f, struct vec3 d)
+struct vec3 bone_frame_local_direction(const struct bone_frame *frame, struct vec3 d)
 {
-    return v3(v3_dot(d, f->x), v3_dot(d, f->y), v3_dot(d, f->z));
+    return v3(v3_dot(d, frame->x), v3_dot(d, frame->y), v3_dot(d, frame->z));
 }
 
-struct vec3 bone_frame_local_point(const struct bone_frame *f, struct vec3 p)
+struct vec3 bone_frame_local_point(const struct bone_frame *frame, struct vec3 p)
 {
-    return bone_frame_local_direction(f, v3_sub(p, f->origin));
+    return bone_frame_local_direction(frame, v3_sub(p, frame->origin));
 }
 
 // ---------------------------------------------------------------- bind pose
@@ -233,7 +239,7 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static double median(double *values, int64_t count)
+static double find_median(double *values, int64_t count)
 {
     qsort(values, (size_t)count, sizeof *values, by_value);
     return values[count / 2];
@@ -248,7 +254,7 @@ static double median_distance(const struct take *take, enum joint a, enum joint 
         if (e->has_skeleton && e->skeleton.confidence[a] > 0 && e->skeleton.confidence[b] > 0)
             scratch[count++] = v3_distance(e->skeleton.joint[a], e->skeleton.joint[b]);
     }
-    return count ? median(scratch, count) : 0;
+    return count ? find_median(scratch, count) : 0;
 }
 
 struct joint_rule {
@@ -257,19 +263,20 @@ struct joint_rule {
 };
 
 // Places joints one median bone length from a joint already placed.
-static void place_joints(struct skeleton *s, const struct take *take, const struct joint_rule *rules, size_t count,
-                         double *scratch)
+static void place_joints(struct skeleton *skeleton, const struct take *take, const struct joint_rule *rules,
+                         size_t count, double *scratch)
 {
     for (size_t i = 0; i < count; i++) {
         double length = median_distance(take, rules[i].from, rules[i].joint, scratch);
-        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
+        if (!(length > 0) || !(skeleton->confidence[rules[i].from] > 0))
             continue;
-        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(rules[i].x * length, rules[i].y * length, 0));
-        s->confidence[rules[i].joint] = 1;
+        skeleton->joint[rules[i].joint] =
+            v3_add(skeleton->joint[rules[i].from], v3(rules[i].x * length, rules[i].y * length, 0));
+        skeleton->confidence[rules[i].joint] = 1;
     }
 }
 
-static void set_bind_joints(struct skeleton *s, const struct take *take, double *scratch)
+static void set_bind_joints(struct skeleton *skeleton, const struct take *take, double *scratch)
 {
     static const struct joint_rule spine[] = {
         {JOINT_HEAD, JOINT_NECK, 0, -1},
@@ -284,22 +291,23 @@ static void set_bind_joints(struct skeleton *s, const struct take *take, double 
     };
     static const enum joint pairs[2][3] = {{JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, JOINT_NECK},
                                            {JOINT_LEFT_HIP, JOINT_RIGHT_HIP, JOINT_WAIST}};
-    s->confidence[JOINT_NECK] = 1;
-    place_joints(s, take, spine, COUNT_OF(spine), scratch);
+    skeleton->confidence[JOINT_NECK] = 1;
+    place_joints(skeleton, take, spine, COUNT_OF(spine), scratch);
     for (int i = 0; i < 2; i++) { // shoulders and hips: beside the spine, below it as the distances require
         double across = median_distance(take, pairs[i][0], pairs[i][1], scratch) / 2;
         double slope = (median_distance(take, pairs[i][0], pairs[i][2], scratch) +
                         median_distance(take, pairs[i][1], pairs[i][2], scratch)) /
                        2;
-        if (!(across > 0) || !(s->confidence[pairs[i][2]] > 0))
+        if (!(across > 0) || !(skeleton->confidence[pairs[i][2]] > 0))
             continue;
         double down = slope > across ? sqrt(slope * slope - across * across) : 0;
         for (int side = 0; side < 2; side++) {
-            s->joint[pairs[i][side]] = v3_add(s->joint[pairs[i][2]], v3(side ? -across : across, down, 0));
-            s->confidence[pairs[i][side]] = 1;
+            skeleton->joint[pairs[i][side]] =
+                v3_add(skeleton->joint[pairs[i][2]], v3(side ? -across : across, down, 0));
+            skeleton->confidence[pairs[i][side]] = 1;
         }
     }
-    place_joints(s, take, limbs, COUNT_OF(limbs), scratch);
+    place_joints(skeleton, take, limbs, COUNT_OF(limbs), scratch);
 }
 
 // The orientation of an end bone in its part is the typical one of a standing person.
@@ -346,11 +354,13 @@ enum status bind_pose_make(struct bind_pose *out, const struct take *take)
 
 // ---------------------------------------------------------------- bone transforms
 
-static struct pose bone_frame_pose(const struct bone_frame *f)
+static struct pose bone_frame_pose(const struct bone_frame *frame)
 {
-    double m[3][3] = {{f->x.x, f->y.x, f->z.x}, {f->x.y, f->y.y, f->z.y}, {f->x.z, f->y.z, f->z.z}};
+    double m[3][3] = {{frame->x.x, frame->y.x, frame->z.x},
+                      {frame->x.y, frame->y.y, frame->z.y},
+                      {frame->x.z, frame->y.z, frame->z.z}};
     // About the bone's middle: where lengths differ, the error is split between both ends.
-    return (struct pose){quat_from_matrix(m), bone_frame_midpoint(f)};
+    return (struct pose){quat_from_matrix(m), bone_frame_midpoint(frame)};
 }
 
 enum status bone_transforms_of(const struct bind_pose *bind, const struct skeleton *skeleton,
@@ -398,8 +408,8 @@ struct skeleton bone_transforms_skeleton(const struct bind_pose *bind, const str
 static double capsule_distance(const struct bind_pose *bind, int p, struct vec3 at)
 {
     struct vec3 in = v3_sub(at, bind->frame[p].origin);
-    const double along = v3_dot(in, bind->frame[p].z), most = bind->own_length[p];
-    const double t = clamp_double(along, 0, most);
+    const double along = v3_dot(in, bind->frame[p].z), max = bind->own_length[p];
+    const double t = clamp_double(along, 0, max);
     return v3_length(v3_sub(in, v3_scale(bind->frame[p].z, t))) - bind->radius[p];
 }
 
@@ -458,9 +468,9 @@ void linear_blend_skin(const struct skin_weights *skin, const struct bone_transf
     for (int i = 0; i < SKIN_BONES; i++) {
         if (!(skin->weight[i] > 0))
             continue;
-        const struct pose *t = &transforms->bone[skin->bone[i]];
-        *p = v3_add(*p, v3_scale(pose_apply(*t, point), (double)skin->weight[i]));
-        *n = v3_add(*n, v3_scale(quat_rotate(t->rotation, normal), (double)skin->weight[i]));
+        const struct pose *pose = &transforms->bone[skin->bone[i]];
+        *p = v3_add(*p, v3_scale(pose_apply(*pose, point), (double)skin->weight[i]));
+        *n = v3_add(*n, v3_scale(quat_rotate(pose->rotation, normal), (double)skin->weight[i]));
     }
     *n = v3_unit(*n);
 }

@@ -2,8 +2,8 @@
 // limbs touch. Bone transforms: where each bone of the bind pose is at an instant. Skin
 // weights and linear blend skinning (LBS) by them. Pure.
 #pragma once
-#include "recording/skeleton.h"
 #include "recording/recording.h"
+#include "recording/skeleton.h"
 
 // ---------------------------------------------------------------- bone frame
 
@@ -24,19 +24,20 @@ struct bone_frame {
 
 // False: one of the part's joints is unknown, or they coincide (< 1 mm). eye: the viewpoint, in the
 // skeleton's axes; on the bone's line, x and y are arbitrary but deterministic.
-bool bone_frame_viewer_aligned(const struct skeleton *skeleton, enum part p, struct vec3 eye, struct bone_frame *out);
+bool bone_frame_viewer_aligned(const struct skeleton *skeleton, enum part part, struct vec3 eye,
+                               struct bone_frame *out);
 
 // Body-aligned: y is the part's front (the chest's side; for arms the side that faces forwards when
 // they hang with the thumbs ahead). The trunk takes its axial rotation from shoulders and hips; a limb
 // from the plane of its hinge (elbow, knee) where that is bent, else from the trunk by the shortest
 // rotation; from 15 to 45 degrees of bend the two are blended. False also when the trunk is unknown.
-bool bone_frame_body_aligned(const struct skeleton *skeleton, enum part p, struct bone_frame *out);
+bool bone_frame_body_aligned(const struct skeleton *skeleton, enum part part, struct bone_frame *out);
 
-struct vec3 bone_frame_midpoint(const struct bone_frame *f); // of the bone, skeleton's axes
+struct vec3 bone_frame_midpoint(const struct bone_frame *frame); // of the bone, skeleton's axes
 
 // A point or direction of the skeleton's axes in the bone frame's, metres.
-struct vec3 bone_frame_local_point(const struct bone_frame *f, struct vec3 p);
-struct vec3 bone_frame_local_direction(const struct bone_frame *f, struct vec3 d);
+struct vec3 bone_frame_local_point(const struct bone_frame *frame, struct vec3 p);
+struct vec3 bone_frame_local_direction(const struct bone_frame *frame, struct vec3 d);
 
 // ---------------------------------------------------------------- bind pose
 

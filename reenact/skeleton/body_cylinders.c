@@ -68,13 +68,14 @@ void bone_chart_smooth(struct bone_chart *chart)
 
 static const double PI = 3.14159265358979323846;
 
-struct affine_map cylinder_affine(const struct bone_frame *f, double radius_m)
+struct affine_map cylinder_affine(const struct bone_frame *frame, double radius_m)
 {
-    struct vec3 x = v3_scale(f->x, radius_m), y = v3_scale(f->y, radius_m), z = v3_scale(f->z, f->length);
+    struct vec3 x = v3_scale(frame->x, radius_m), y = v3_scale(frame->y, radius_m),
+                z = v3_scale(frame->z, frame->length);
     return (struct affine_map){{
-        {(float)x.x, (float)y.x, (float)z.x, (float)f->origin.x},
-        {(float)x.y, (float)y.y, (float)z.y, (float)f->origin.y},
-        {(float)x.z, (float)y.z, (float)z.z, (float)f->origin.z},
+        {(float)x.x, (float)y.x, (float)z.x, (float)frame->origin.x},
+        {(float)x.y, (float)y.y, (float)z.y, (float)frame->origin.y},
+        {(float)x.z, (float)y.z, (float)z.z, (float)frame->origin.z},
     }};
 }
 

@@ -125,13 +125,13 @@ static bool inpaint_bone(const struct take *take, int64_t frame, const struct bo
 
 // A joint at the end of an inpainted bone: its error is that of the joint it hangs on and the bone's. Where the first
 // is not known, neither is the sum.
-static void set_inpainted_covariance(struct skeleton *s, const struct bone_ends *bone, double variance_m2)
+static void set_inpainted_covariance(struct skeleton *skeleton, const struct bone_ends *bone, double variance_m2)
 {
-    const struct covariance3 from = joint_covariance(s, bone->from), walk = covariance3_isotropic(variance_m2),
+    const struct covariance3 from = joint_covariance(skeleton, bone->from), walk = covariance3_isotropic(variance_m2),
                              sum = covariance3_add(&from, &walk);
-    s->covariance[bone->to] = s->covariance[bone->from];
-    if (covariance_is_known(s->covariance[bone->from]))
-        joint_set_covariance(s, bone->to, &sum);
+    skeleton->covariance[bone->to] = skeleton->covariance[bone->from];
+    if (covariance_is_known(skeleton->covariance[bone->from]))
+        joint_set_covariance(skeleton, bone->to, &sum);
 }
 
 struct skeleton inpaint_skeleton(const struct take *take, int64_t frame)
@@ -162,18 +162,18 @@ struct take_skeletons {
 };
 
 // Keeps a copy only where inpainting changed a joint.
-static enum status keep_if_changed(struct take_skeletons *s, int64_t frame)
+static enum status keep_if_changed(struct take_skeletons *skeletons, int64_t frame)
 {
-    const struct take_entry *e = take_entry(s->take, frame);
+    const struct take_entry *e = take_entry(skeletons->take, frame);
     if (!e->has_skeleton)
         return OK;
-    const struct skeleton inpainted = inpaint_skeleton(s->take, frame);
+    const struct skeleton inpainted = inpaint_skeleton(skeletons->take, frame);
     if (!memcmp(inpainted.confidence, e->skeleton.confidence, sizeof inpainted.confidence))
         return OK;
-    s->inpainted[frame] = malloc(sizeof inpainted);
-    if (!s->inpainted[frame])
+    skeletons->inpainted[frame] = malloc(sizeof inpainted);
+    if (!skeletons->inpainted[frame])
         return fail(ERR_MEMORY, "no memory for the take's skeletons");
-    *s->inpainted[frame] = inpainted;
+    *skeletons->inpainted[frame] = inpainted;
     return OK;
 }
 
@@ -205,10 +205,10 @@ void take_skeletons_close(struct take_skeletons **out)
     *out = NULL;
 }
 
-const struct skeleton *take_skeletons_at(const struct take_skeletons *s, int64_t frame)
+const struct skeleton *take_skeletons_at(const struct take_skeletons *skeletons, int64_t frame)
 {
-    const struct skeleton *recorded = &take_entry(s->take, frame)->skeleton;
-    return s->inpainted[frame] ? s->inpainted[frame] : recorded;
+    const struct skeleton *recorded = &take_entry(skeletons->take, frame)->skeleton;
+    return skeletons->inpainted[frame] ? skeletons->inpainted[frame] : recorded;
 }
 
 // ---------------------------------------------------------------- skeleton track
@@ -227,34 +227,35 @@ struct skeleton_track {
 static const struct pose level_world_from_camera = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
 
 // The i-th usable frame's time since the take's first frame.
-static int64_t time_at(const struct skeleton_track *m, int64_t i)
+static int64_t time_at(const struct skeleton_track *track, int64_t i)
 {
-    return take_entry(m->take, m->frames[i])->time_ns - take_entry(m->take, 0)->time_ns;
+    return take_entry(track->take, track->frames[i])->time_ns - take_entry(track->take, 0)->time_ns;
 }
 
-static struct pose world_from_camera_at(const struct skeleton_track *m, int64_t i)
+static struct pose world_from_camera_at(const struct skeleton_track *track, int64_t i)
 {
-    return m->has_place ? take_entry(m->take, m->frames[i])->world_from_camera : level_world_from_camera;
+    return track->has_place ? take_entry(track->take, track->frames[i])->world_from_camera : level_world_from_camera;
 }
 
-static struct skeleton recorded_at(const struct skeleton_track *m, int64_t i)
+static struct skeleton recorded_at(const struct skeleton_track *track, int64_t i)
 {
-    return skeleton_transform(world_from_camera_at(m, i), &take_entry(m->take, m->frames[i])->skeleton);
+    return skeleton_transform(world_from_camera_at(track, i), &take_entry(track->take, track->frames[i])->skeleton);
 }
 
-static struct skeleton inpainted_at(const struct skeleton_track *m, int64_t i)
+static struct skeleton inpainted_at(const struct skeleton_track *track, int64_t i)
 {
-    return skeleton_transform(world_from_camera_at(m, i), take_skeletons_at(m->skeletons, m->frames[i]));
+    return skeleton_transform(world_from_camera_at(track, i), take_skeletons_at(track->skeletons, track->frames[i]));
 }
 
-static enum status check_finite(const struct skeleton_track *m, int64_t i)
+static enum status check_finite(const struct skeleton_track *track, int64_t i)
 {
-    const struct skeleton *s = &take_entry(m->take, m->frames[i])->skeleton; // moved alone, without its covariances
-    const struct pose world_from_camera = world_from_camera_at(m, i);
+    const struct skeleton *s =
+        &take_entry(track->take, track->frames[i])->skeleton; // moved alone, without its covariances
+    const struct pose world_from_camera = world_from_camera_at(track, i);
     for (int j = 0; j < JOINT_COUNT; j++)
         if (s->confidence[j] > 0 && !v3_finite(pose_apply(world_from_camera, s->joint[j])))
             return fail(ERR_INPUT, "frame %lld of the take holds a %s that is nowhere; repair the file",
-                        (long long)m->frames[i], joint_name((enum joint)j));
+                        (long long)track->frames[i], joint_name((enum joint)j));
     return OK;
 }
 
@@ -284,22 +285,22 @@ enum status skeleton_track_open(struct skeleton_track **out, const struct take *
     return status;
 }
 
-void skeleton_track_close(struct skeleton_track **m)
+void skeleton_track_close(struct skeleton_track **track)
 {
-    if (!*m)
+    if (!*track)
         return;
-    free((*m)->frames);
-    free(*m);
-    *m = NULL;
+    free((*track)->frames);
+    free(*track);
+    *track = NULL;
 }
 
-// The first usable frame after time_ns; m->count: there is none.
-static int64_t first_after(const struct skeleton_track *m, int64_t time_ns)
+// The first usable frame after time_ns; track->count: there is none.
+static int64_t first_after(const struct skeleton_track *track, int64_t time_ns)
 {
-    int64_t low = 0, high = m->count;
+    int64_t low = 0, high = track->count;
     while (low < high) {
         int64_t middle = low + (high - low) / 2;
-        if (time_at(m, middle) > time_ns)
+        if (time_at(track, middle) > time_ns)
             high = middle;
         else
             low = middle + 1;
@@ -311,23 +312,24 @@ static int64_t first_after(const struct skeleton_track *m, int64_t time_ns)
 // correlation of the two errors is, and is it where they are equal. Squared weights would take the errors as
 // independent, but neighbouring frames share most of theirs (a hidden limb's guess, cloth, the model): a joint would
 // seem to be known better between two frames than in either. Not known in one: not known.
-static void mix_covariances(const struct skeleton *a, const struct skeleton *b, enum joint j, double t,
+static void mix_covariances(const struct skeleton *a, const struct skeleton *b, enum joint joint, double t,
                             struct skeleton *out)
 {
-    struct covariance3 before = joint_covariance(a, j), after = joint_covariance(b, j);
+    struct covariance3 before = joint_covariance(a, joint), after = joint_covariance(b, joint);
     before = covariance3_scale(&before, 1 - t);
     after = covariance3_scale(&after, t);
     before = covariance3_add(&before, &after);
-    if (covariance_is_known(a->covariance[j]) && covariance_is_known(b->covariance[j]))
-        joint_set_covariance(out, j, &before);
+    if (covariance_is_known(a->covariance[joint]) && covariance_is_known(b->covariance[joint]))
+        joint_set_covariance(out, joint, &before);
     else
-        out->covariance[j] = (struct covariance_root){{0}};
+        out->covariance[joint] = (struct covariance_root){{0}};
 }
 
 // Joints between frames a and b; what one of the two does not know stays as in *out.
-static void interpolate(const struct skeleton_track *m, int64_t before, int64_t after, double t, struct skeleton *out)
+static void interpolate_joints(const struct skeleton_track *track, int64_t before, int64_t after, double t,
+                               struct skeleton *out)
 {
-    const struct skeleton a = inpainted_at(m, before), b = inpainted_at(m, after);
+    const struct skeleton a = inpainted_at(track, before), b = inpainted_at(track, after);
     for (int j = 0; j < JOINT_COUNT; j++)
         if (a.confidence[j] > 0 && b.confidence[j] > 0) {
             out->joint[j] = v3_mix(a.joint[j], b.joint[j], t);
@@ -350,6 +352,7 @@ enum status skeleton_track_at(const struct skeleton_track *m, int64_t time_ns, b
         .world_from_camera = world_from_camera_at(m, nearest),
     };
     if (smooth && before != after && time_ns > before_ns && after_ns - before_ns <= MAX_GAP_NS)
-        interpolate(m, before, after, (double)(time_ns - before_ns) / (double)(after_ns - before_ns), &out->skeleton);
+        interpolate_joints(m, before, after, (double)(time_ns - before_ns) / (double)(after_ns - before_ns),
+                           &out->skeleton);
     return OK;
 }

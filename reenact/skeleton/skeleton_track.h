@@ -5,8 +5,8 @@
 // Memory: 4 bytes for each frame with a skeleton (it was 968: the skeletons themselves lie in the take's index and in
 // take_skeletons, and are moved into the world when they are asked for).
 #pragma once
-#include "reenact/skeleton/bind_pose.h"
 #include "recording/recording.h"
+#include "reenact/skeleton/bind_pose.h"
 
 // ---------------------------------------------------------------- joint noise
 
@@ -64,7 +64,7 @@ MUST_CHECK enum status take_skeletons_open(struct take_skeletons **out, const st
 void take_skeletons_close(struct take_skeletons **s); // NULL is fine; sets *s = NULL
 
 // Joints of one frame in its colour camera's axes, as inpaint_skeleton gives them. Valid until take_skeletons_close.
-const struct skeleton *take_skeletons_at(const struct take_skeletons *s, int64_t frame);
+const struct skeleton *take_skeletons_at(const struct take_skeletons *skeletons, int64_t frame);
 
 // ---------------------------------------------------------------- skeleton track
 
@@ -75,7 +75,7 @@ struct skeleton_track;
 // failure *out is NULL.
 MUST_CHECK enum status skeleton_track_open(struct skeleton_track **out, const struct take *take,
                                            const struct take_skeletons *skeletons);
-void skeleton_track_close(struct skeleton_track **m); // NULL is fine; sets *m = NULL
+void skeleton_track_close(struct skeleton_track **track); // NULL is fine; sets *track = NULL
 
 struct track_sample {
     int64_t frame;                 // the recorded frame nearest in time

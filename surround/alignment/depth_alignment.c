@@ -25,10 +25,10 @@ static bool on_surface(const uint16_t *depth, int width, int height, int u, int 
     if (z < 0.05)
         return false;
     // Noise of both samples, and a slope of 80 degrees over a pixel at f = 285
-    const double most_mm = 1e3 * (depth_difference_m(z) + 0.02 * z);
+    const double max_mm = 1e3 * (depth_difference_m(z) + 0.02 * z);
     const int steps[4] = {u > 0 ? -1 : 0, u + 1 < width ? 1 : 0, v > 0 ? -width : 0, v + 1 < height ? width : 0};
     for (int i = 0; i < 4; i++)
-        if (at[steps[i]] && fabs((double)at[steps[i]] - *at) > most_mm)
+        if (at[steps[i]] && fabs((double)at[steps[i]] - *at) > max_mm)
             return false;
     return true;
 }
@@ -70,13 +70,13 @@ enum status depth_points_add(struct depth_points *points, const uint16_t *depth,
 // ---------------------------------------------------------------- voxel map
 
 enum { FIRST_SIZE = 4096 };
-#define MOST_VOXELS 1048576 // on each side of the origin: 21 bits a coordinate
+#define MAX_VOXELS 1048576 // on each side of the origin: 21 bits a coordinate
 
 static bool voxel_corner(const struct voxel_map *map, const double p[3], int64_t cell[3])
 {
     for (int i = 0; i < 3; i++) {
         const double c = floor(p[i] * map->per_m);
-        if (!(fabs(c) < MOST_VOXELS))
+        if (!(fabs(c) < MAX_VOXELS))
             return false;
         cell[i] = (int64_t)c;
     }
@@ -86,8 +86,8 @@ static bool voxel_corner(const struct voxel_map *map, const double p[3], int64_t
 static int64_t key_of(const int64_t cell[3])
 {
     // The top bit keeps every key from 0
-    return (int64_t)(((uint64_t)(cell[0] + MOST_VOXELS) << 42 | (uint64_t)(cell[1] + MOST_VOXELS) << 21 |
-                      (uint64_t)(cell[2] + MOST_VOXELS)) +
+    return (int64_t)(((uint64_t)(cell[0] + MAX_VOXELS) << 42 | (uint64_t)(cell[1] + MAX_VOXELS) << 21 |
+                      (uint64_t)(cell[2] + MAX_VOXELS)) +
                      1);
 }
 
@@ -107,7 +107,7 @@ static size_t slot_of(const struct voxel_map *map, int64_t key)
     return slot;
 }
 
-static struct voxel *empty(size_t size)
+static struct voxel *allocate_table(size_t size)
 {
     struct voxel *table = alloc_cache_aligned(size * sizeof *table);
     if (table)
@@ -118,7 +118,8 @@ static struct voxel *empty(size_t size)
 // side_m > 0. ERR_MEMORY.
 static enum status voxel_map_open(struct voxel_map *map, double side_m)
 {
-    *map = (struct voxel_map){.side_m = side_m, .per_m = 1 / side_m, .size = FIRST_SIZE, .table = empty(FIRST_SIZE)};
+    *map = (struct voxel_map){
+        .side_m = side_m, .per_m = 1 / side_m, .size = FIRST_SIZE, .table = allocate_table(FIRST_SIZE)};
     return map->table ? OK : fail(ERR_MEMORY, "no memory for the map of voxels");
 }
 
@@ -129,11 +130,11 @@ static void voxel_map_close(struct voxel_map *map)
     *map = (struct voxel_map){0};
 }
 
-static enum status grow(struct voxel_map *map)
+static enum status grow_map(struct voxel_map *map)
 {
     struct voxel_map larger = *map;
     larger.size = map->size * 2;
-    larger.table = empty(larger.size);
+    larger.table = allocate_table(larger.size);
     if (!larger.table)
         return fail(ERR_MEMORY, "no memory for the map of voxels");
     for (size_t i = 0; i < map->size; i++)
@@ -152,7 +153,7 @@ static enum status voxel_map_add(struct voxel_map *map, const double world[3], d
     if (!voxel_corner(map, world, cell))
         return OK;
     if (map->used * 2 >= map->size) {
-        const enum status status = grow(map);
+        const enum status status = grow_map(map);
         if (status != OK)
             return status;
     }
@@ -196,17 +197,17 @@ static const struct voxel *voxel_map_at(const struct voxel_map *map, const doubl
     return v->key ? v : NULL;
 }
 
-void voxel_mean(const struct voxel_map *map, const struct voxel *v, double mean[3])
+void voxel_mean(const struct voxel_map *map, const struct voxel *voxel, double mean[3])
 {
-    const uint64_t key = (uint64_t)v->key - 1;
+    const uint64_t key = (uint64_t)voxel->key - 1;
     for (int i = 0; i < 3; i++) {
-        const int64_t cell = (int64_t)(key >> (42 - 21 * i) & (2 * MOST_VOXELS - 1)) - MOST_VOXELS;
-        mean[i] = (double)cell * map->side_m + (double)v->sum[i] / (double)v->weight;
+        const int64_t cell = (int64_t)(key >> (42 - 21 * i) & (2 * MAX_VOXELS - 1)) - MAX_VOXELS;
+        mean[i] = (double)cell * map->side_m + (double)voxel->sum[i] / (double)voxel->weight;
     }
 }
 
 // Eigenvalues and vectors (columns) of a symmetric matrix, by cyclic Jacobi rotations.
-static void jacobi3(double a[3][3], double vectors[3][3])
+static void diagonalize_symmetric(double a[3][3], double vectors[3][3])
 {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -239,25 +240,25 @@ static void jacobi3(double a[3][3], double vectors[3][3])
 
 // The plane of a voxel's points: unit normal (its sign is free) and standard deviation across it. False: fewer than 6
 // points, or not flat (thicker than a third of its second-longest extent).
-static bool voxel_plane(const struct voxel *v, double normal[3], double *thickness_m)
+static bool voxel_plane(const struct voxel *voxel, double normal[3], double *thickness_m)
 {
-    if (v->count < 6)
+    if (voxel->count < 6)
         return false;
-    const double weight = v->weight;
+    const double weight = voxel->weight;
     double a[3][3], vectors[3][3];
     for (int i = 0, k = 0; i < 3; i++)
         for (int j = i; j < 3; j++, k++)
             a[i][j] = a[j][i] =
-                (double)v->square[k] / weight - (double)v->sum[i] * (double)v->sum[j] / (weight * weight);
-    jacobi3(a, vectors);
-    int least = 0;
+                (double)voxel->square[k] / weight - (double)voxel->sum[i] * (double)voxel->sum[j] / (weight * weight);
+    diagonalize_symmetric(a, vectors);
+    int min = 0;
     for (int i = 1; i < 3; i++)
-        if (a[i][i] < a[least][least])
-            least = i;
-    const double other = fmin(a[(least + 1) % 3][(least + 1) % 3], a[(least + 2) % 3][(least + 2) % 3]);
-    const double across = a[least][least] > 0 ? a[least][least] : 0;
+        if (a[i][i] < a[min][min])
+            min = i;
+    const double other = fmin(a[(min + 1) % 3][(min + 1) % 3], a[(min + 2) % 3][(min + 2) % 3]);
+    const double across = a[min][min] > 0 ? a[min][min] : 0;
     for (int i = 0; i < 3; i++)
-        normal[i] = vectors[i][least];
+        normal[i] = vectors[i][min];
     *thickness_m = sqrt(across);
     return across * 9 < other;
 }
@@ -272,7 +273,7 @@ enum { ITERATIONS = 6 };
 // so many independent ones, and so many of a voxel as one.
 #define INDEPENDENT 200
 #define VOXEL_ALIKE 20
-#define MOST_OFF_M  0.08 // a point farther from the voxel's plane belongs to something else
+#define MAX_OFF_M   0.08 // a point farther from the voxel's plane belongs to something else
 
 // A voxel's plane, kept: voxels are asked for again and again. A later voxel in the same slot replaces it.
 enum { KEPT_PLANES = 16384 };
@@ -298,7 +299,7 @@ static const struct kept_plane *plane_of(const struct voxel_map *planes, struct 
     return slot->flat ? slot : NULL;
 }
 
-static void add_point(struct normal_equations *e, const struct kept_plane *plane, const double p[3],
+static void add_point(struct normal_equations *equations, const struct kept_plane *plane, const double p[3],
                       const double origin[3], double sigma, double share)
 {
     double r = 0, arm[3];
@@ -306,15 +307,16 @@ static void add_point(struct normal_equations *e, const struct kept_plane *plane
         r += plane->normal[i] * (p[i] - plane->mean[i]);
         arm[i] = p[i] - origin[i];
     }
-    if (fabs(r) > MOST_OFF_M)
+    if (fabs(r) > MAX_OFF_M)
         return;
     const double s = sqrt(sigma * sigma + plane->variance) + 1e-3;
     const double huber = fabs(r) <= HUBER * s ? 1 : HUBER * s / fabs(r);
-    normal_equations_add(e, plane->normal, arm, r, share * huber / (s * s));
+    normal_equations_add(equations, plane->normal, arm, r, share * huber / (s * s));
 }
 
 // Adds the prior and holds the degrees that leave the floor; then the step.
-static void solve(struct normal_equations *e, const struct pose *now, const struct pose *prior, double step[6])
+static void solve_step(struct normal_equations *equations, const struct pose *now, const struct pose *prior,
+                       double step[6])
 {
     const struct quat turned = quat_multiply(prior->rotation, quat_conjugate(now->rotation));
     const struct vec3 back = quat_to_rotation_vector(turned), away = v3_sub(prior->translation, now->translation);
@@ -323,12 +325,12 @@ static void solve(struct normal_equations *e, const struct pose *now, const stru
         const double sigma = a < 3 ? REFINED_TURN : REFINED_SHIFT_M;
         const bool held = a == 0 || a == 1 || a == 5;
         const double information = held ? 1e15 : 1 / (sigma * sigma);
-        e->h[7 * a] += information;
-        e->g[a] += information * (held ? 0 : to_prior[a]);
-        step[a] = e->g[a];
+        equations->h[7 * a] += information;
+        equations->g[a] += information * (held ? 0 : to_prior[a]);
+        step[a] = equations->g[a];
     }
-    if (cholesky_factor(e->h, 6))
-        cholesky_solve(e->h, 6, step);
+    if (cholesky_factor(equations->h, 6))
+        cholesky_solve(equations->h, 6, step);
     else
         memset(step, 0, 6 * sizeof *step);
 }
@@ -340,31 +342,31 @@ struct refinement {
     struct kept_plane *kept;
 };
 
-static void add_points(const struct refinement *r, const struct pose *now, struct normal_equations *e)
+static void add_points(const struct refinement *refinement, const struct pose *now, struct normal_equations *equations)
 {
     const double origin[3] = {now->translation.x, now->translation.y, now->translation.z};
-    const double share = fmin(1, (double)INDEPENDENT * r->stride / (r->points->count + 1));
+    const double share = fmin(1, (double)INDEPENDENT * refinement->stride / (refinement->points->count + 1));
     double m[3][3];
     quat_to_matrix(now->rotation, m);
-    for (int i = 0; i < r->points->count; i += r->stride) {
-        const float *b = r->points->xyz[i];
+    for (int i = 0; i < refinement->points->count; i += refinement->stride) {
+        const float *b = refinement->points->xyz[i];
         double p[3];
         for (int k = 0; k < 3; k++)
             p[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + origin[k];
-        const struct kept_plane *plane = plane_of(r->planes, r->kept, p);
+        const struct kept_plane *plane = plane_of(refinement->planes, refinement->kept, p);
         if (plane)
-            add_point(e, plane, p, origin, r->points->sigma[i], share);
+            add_point(equations, plane, p, origin, refinement->points->sigma[i], share);
     }
 }
 
 // Moves *world_from_body so that the points lie on the map's planes: about the floor's normal and along the floor.
-// The pose given is a soft prior (5 cm, 1 degree), for directions that the points leave open. At most about `most`
+// The pose given is a soft prior (5 cm, 1 degree), for directions that the points leave open. At most about `max`
 // points are used. more: further evidence; NULL: none. ERR_MEMORY.
-static enum status plane_refine(const struct voxel_map *planes, const struct depth_points *points, int most,
+static enum status plane_refine(const struct voxel_map *planes, const struct depth_points *points, int max,
                                 const struct pose_evidence *more, struct pose *world_from_body)
 {
     const struct pose prior = *world_from_body;
-    struct refinement r = {planes, points, points->count > most ? points->count / most : 1,
+    struct refinement r = {planes, points, points->count > max ? points->count / max : 1,
                            calloc(KEPT_PLANES, sizeof *r.kept)};
     if (!r.kept)
         return fail(ERR_MEMORY, "no memory for refining an alignment");
@@ -375,7 +377,7 @@ static enum status plane_refine(const struct voxel_map *planes, const struct dep
         add_points(&r, &now, &e);
         if (more && more->add)
             more->add(more->self, &now, &e);
-        solve(&e, &now, &prior, step);
+        solve_step(&e, &now, &prior, step);
         const struct quat turn = quat_from_rotation_vector(v3(step[0], step[1], step[2]));
         world_from_body->rotation = quat_unit(quat_multiply(turn, now.rotation));
         world_from_body->translation = v3_add(now.translation, v3(step[3], step[4], step[5]));
@@ -462,48 +464,48 @@ struct search {
     struct search_result best;
 };
 
-static int64_t cost_of(const struct search *s, int turn, int64_t x, int64_t y)
+static int64_t cost_of(const struct search *search, int turn, int64_t x, int64_t y)
 {
-    return s->per_shift * (x * x + y * y) + s->per_turn * turn * turn;
+    return search->per_shift * (x * x + y * y) + search->per_turn * turn * turn;
 }
 
-static enum status start(struct search *s, const double (*points)[2], const double guess[3])
+static enum status start_search(struct search *search, const double (*points)[2], const double guess[3])
 {
-    const struct search_options *how = s->how;
+    const struct search_options *how = search->how;
     const int turns = 2 * how->turns + 1;
-    s->cells = malloc(((size_t)turns * (size_t)s->count + 1) * sizeof *s->cells);
-    if (!s->cells)
+    search->cells = malloc(((size_t)turns * (size_t)search->count + 1) * sizeof *search->cells);
+    if (!search->cells)
         return fail(ERR_MEMORY, "no memory for aligning captures");
     for (int t = 0; t < turns; t++) {
         const double angle = guess[2] + (t - how->turns) * SEARCH_TURN_STEP;
         const double c = portable_cos(angle), n = portable_sin(angle);
-        int32_t(*out)[2] = s->cells + (size_t)t * (size_t)s->count;
-        for (int i = 0; i < s->count; i++) {
+        int32_t(*out)[2] = search->cells + (size_t)t * (size_t)search->count;
+        for (int i = 0; i < search->count; i++) {
             const double x = c * points[i][0] - n * points[i][1] + guess[0];
             const double y = n * points[i][0] + c * points[i][1] + guess[1];
-            out[i][0] = (int32_t)floor((x - s->grid->x0) / SEARCH_CELL_M);
-            out[i][1] = (int32_t)floor((y - s->grid->y0) / SEARCH_CELL_M);
+            out[i][0] = (int32_t)floor((x - search->grid->x0) / SEARCH_CELL_M);
+            out[i][1] = (int32_t)floor((y - search->grid->y0) / SEARCH_CELL_M);
         }
     }
-    const double share = 65536.0 * 0.01 * s->count;
+    const double share = 65536.0 * 0.01 * search->count;
     const double shift = SEARCH_CELL_M / (PRIOR_SHIFT_M * how->prior),
                  turn = SEARCH_TURN_STEP / (PRIOR_TURN * how->prior);
-    s->per_shift = (int64_t)(share * shift * shift) + 1; // at least 1: of equal answers the nearest
-    s->per_turn = (int64_t)(share * turn * turn) + 1;
-    s->best = (struct search_result){.score = INT64_MIN};
+    search->per_shift = (int64_t)(share * shift * shift) + 1; // at least 1: of equal answers the nearest
+    search->per_turn = (int64_t)(share * turn * turn) + 1;
+    search->best = (struct search_result){.score = INT64_MIN};
     return OK;
 }
 
 // Points on marked cells when shifted by any of the block's shifts: an upper bound of each one's hits; at level 0
 // exact.
-static int hits_of(struct search *s, int turn, int x, int y, int level)
+static int hits_of(struct search *search, int turn, int x, int y, int level)
 {
-    const struct search_grid *g = s->grid;
+    const struct search_grid *g = search->grid;
     const uint8_t *map = g->levels[level];
-    int32_t(*cells)[2] = s->cells + (size_t)(turn + s->how->turns) * (size_t)s->count;
+    int32_t(*cells)[2] = search->cells + (size_t)(turn + search->how->turns) * (size_t)search->count;
     const int side = 1 << level;
     int hits = 0;
-    for (int i = 0; i < s->count; i++) {
+    for (int i = 0; i < search->count; i++) {
         int u = cells[i][0] + x, v = cells[i][1] + y;
         if (u < 0 && u + side > 0) // a block that begins left of the grid
             u = 0;
@@ -512,24 +514,24 @@ static int hits_of(struct search *s, int turn, int x, int y, int level)
         if (u >= 0 && v >= 0 && u < g->width && v < g->height)
             hits += map[(size_t)v * (size_t)g->width + (size_t)u];
     }
-    s->best.lookups += s->count;
+    search->best.lookups += search->count;
     return hits;
 }
 
 // Whether (turn, x, y) comes before the best in the order that ends every tie.
-static bool earlier(const struct search_result *best, int turn, int x, int y)
+static bool is_earlier(const struct search_result *best, int turn, int x, int y)
 {
     if (turn != best->turn)
         return turn < best->turn;
     return y != best->y ? y < best->y : x < best->x;
 }
 
-static void offer(struct search *s, int turn, int x, int y, int hits)
+static void offer_result(struct search *search, int turn, int x, int y, int hits)
 {
-    const int64_t score = (int64_t)hits * 65536 - cost_of(s, turn, x, y);
-    if (score < s->best.score || (score == s->best.score && !earlier(&s->best, turn, x, y)))
+    const int64_t score = (int64_t)hits * 65536 - cost_of(search, turn, x, y);
+    if (score < search->best.score || (score == search->best.score && !is_earlier(&search->best, turn, x, y)))
         return;
-    s->best = (struct search_result){turn, x, y, hits, score, s->best.lookups};
+    search->best = (struct search_result){turn, x, y, hits, score, search->best.lookups};
 }
 
 struct node {
@@ -546,53 +548,54 @@ static int64_t least_square(int from, int side, int reach)
     return near * near;
 }
 
-static struct node bounded(struct search *s, int turn, int x, int y, int level)
+static struct node bounded_node(struct search *search, int turn, int x, int y, int level)
 {
-    const int side = 1 << level, reach = s->how->reach;
-    const int64_t cost =
-        s->per_shift * (least_square(x, side, reach) + least_square(y, side, reach)) + s->per_turn * turn * turn;
-    return (struct node){turn, x, y, level, (int64_t)hits_of(s, turn, x, y, level) * 65536 - cost};
+    const int side = 1 << level, reach = search->how->reach;
+    const int64_t cost = search->per_shift * (least_square(x, side, reach) + least_square(y, side, reach)) +
+                         search->per_turn * turn * turn;
+    return (struct node){turn, x, y, level, (int64_t)hits_of(search, turn, x, y, level) * 65536 - cost};
 }
 
 static int by_bound(const void *a, const void *b)
 {
-    const struct node *x = a, *y = b;
-    if (x->bound != y->bound)
-        return x->bound > y->bound ? -1 : 1;
-    if (x->turn != y->turn)
-        return x->turn < y->turn ? -1 : 1;
-    if (x->y != y->y)
-        return x->y < y->y ? -1 : 1;
-    return (x->x > y->x) - (x->x < y->x);
+    const struct node *node = a, *y = b;
+    if (node->bound != y->bound)
+        return node->bound > y->bound ? -1 : 1;
+    if (node->turn != y->turn)
+        return node->turn < y->turn ? -1 : 1;
+    if (node->y != y->y)
+        return node->y < y->y ? -1 : 1;
+    return (node->x > y->x) - (node->x < y->x);
 }
 
 // Depth first, the better child first. At most 6 levels deep.
-static void visit(struct search *s, const struct node *node)
+static void visit_node(struct search *search, const struct node *node)
 {
-    if (node->bound < s->best.score)
+    if (node->bound < search->best.score)
         return;
     if (node->level == 0) {
-        offer(s, node->turn, node->x, node->y, (int)((node->bound + cost_of(s, node->turn, node->x, node->y)) / 65536));
+        offer_result(search, node->turn, node->x, node->y,
+                     (int)((node->bound + cost_of(search, node->turn, node->x, node->y)) / 65536));
         return;
     }
     struct node children[4];
     int count = 0;
-    const int half = 1 << (node->level - 1), reach = s->how->reach;
+    const int half = 1 << (node->level - 1), reach = search->how->reach;
     for (int i = 0; i < 4; i++) {
         const int x = node->x + (i & 1) * half, y = node->y + (i >> 1) * half;
         if (x <= reach && y <= reach)
-            children[count++] = bounded(s, node->turn, x, y, node->level - 1);
+            children[count++] = bounded_node(search, node->turn, x, y, node->level - 1);
     }
     qsort(children, (size_t)count, sizeof *children, by_bound);
     for (int i = 0; i < count; i++)
-        visit(s, &children[i]);
+        visit_node(search, &children[i]);
 }
 
 enum status search_branch_and_bound(const struct search_grid *grid, const double (*points)[2], int count,
                                     const double guess[3], const struct search_options *how, struct search_result *out)
 {
     struct search s = {.grid = grid, .how = how, .count = count};
-    enum status status = start(&s, points, guess);
+    enum status status = start_search(&s, points, guess);
     if (status != OK)
         return status;
     const int side = 1 << SEARCH_LEVELS, blocks = (2 * how->reach + side) / side;
@@ -606,10 +609,10 @@ enum status search_branch_and_bound(const struct search_grid *grid, const double
     for (int turn = -how->turns; turn <= how->turns; turn++)
         for (int j = 0; j < blocks; j++)
             for (int i = 0; i < blocks; i++)
-                nodes[n++] = bounded(&s, turn, i * side - how->reach, j * side - how->reach, SEARCH_LEVELS);
+                nodes[n++] = bounded_node(&s, turn, i * side - how->reach, j * side - how->reach, SEARCH_LEVELS);
     qsort(nodes, (size_t)n, sizeof *nodes, by_bound);
     for (int i = 0; i < n; i++)
-        visit(&s, &nodes[i]);
+        visit_node(&s, &nodes[i]);
     free(nodes);
     free(s.cells);
     *out = s.best;
@@ -618,12 +621,12 @@ enum status search_branch_and_bound(const struct search_grid *grid, const double
 
 // ---------------------------------------------------------------- depth alignment
 
-#define OUTLINE_M  0.02
-#define PLANES_M   0.1
-#define LOW_M      0.08 // heights above the floor whose points are compared
-#define HIGH_M     0.85
-#define LEAST_HITS 0.5 // share of a capture's points that must fit; below, the search is widened
-enum { REFINED_POINTS = 12000, WIDENED = 4, FEWEST_POINTS = 30, MOST_OUTLINE = 1500 };
+#define OUTLINE_M 0.02
+#define PLANES_M  0.1
+#define LOW_M     0.08 // heights above the floor whose points are compared
+#define HIGH_M    0.85
+#define MIN_HITS  0.5 // share of a capture's points that must fit; below, the search is widened
+enum { REFINED_POINTS = 12000, WIDENED = 4, FEWEST_POINTS = 30, MAX_OUTLINE = 1500 };
 enum { AHEAD = 16 }; // points whose voxels are fetched while earlier ones are added
 
 enum status depth_alignment_open(struct depth_alignment *a, double surface_m)
@@ -639,19 +642,19 @@ enum status depth_alignment_open(struct depth_alignment *a, double surface_m)
     return status;
 }
 
-void depth_alignment_close(struct depth_alignment *a)
+void depth_alignment_close(struct depth_alignment *alignment)
 {
-    voxel_map_close(&a->surface);
-    voxel_map_close(&a->planes);
-    voxel_map_close(&a->outline);
-    *a = (struct depth_alignment){0};
+    voxel_map_close(&alignment->surface);
+    voxel_map_close(&alignment->planes);
+    voxel_map_close(&alignment->outline);
+    *alignment = (struct depth_alignment){0};
 }
 
 // The body's pose at a time between captures or before the newest has arrived: the last aligned pose, moved on by the
 // odometry since.
-static struct pose depth_alignment_bridge(const struct depth_alignment *a, struct pose odometry)
+static struct pose depth_alignment_bridge(const struct depth_alignment *alignment, struct pose odometry)
 {
-    return pose_multiply(a->world_from_body, pose_multiply(pose_inverse(a->odometry), odometry));
+    return pose_multiply(alignment->world_from_body, pose_multiply(pose_inverse(alignment->odometry), odometry));
 }
 
 static bool is_compared(double height) { return height >= LOW_M && height <= HIGH_M; }
@@ -678,7 +681,7 @@ static enum status outline_of(const struct depth_points *points, double (**out)[
             list[n++][1] = mean[1];
         }
     voxel_map_close(&cells);
-    const int stride = n / MOST_OUTLINE + 1;
+    const int stride = n / MAX_OUTLINE + 1;
     for (int i = 0; i * stride < n; i++)
         memcpy(list[i], list[i * stride], sizeof *list);
     *out = list;
@@ -686,7 +689,7 @@ static enum status outline_of(const struct depth_points *points, double (**out)[
     return status;
 }
 
-static enum status make_grid(const struct depth_alignment *a, const double (*points)[2], int count,
+static enum status make_grid(const struct depth_alignment *alignment, const double (*points)[2], int count,
                              const double guess[3], const struct search_options *how, struct search_grid *grid)
 {
     double low[2] = {guess[0], guess[1]}, high[2] = {guess[0], guess[1]};
@@ -708,10 +711,10 @@ static enum status make_grid(const struct depth_alignment *a, const double (*poi
         high[k] += margin;
     }
     const enum status status = search_grid_make(grid, low, high);
-    for (size_t i = 0; status == OK && i < a->outline.size; i++)
-        if (a->outline.table[i].key && a->outline.table[i].count >= 2) {
+    for (size_t i = 0; status == OK && i < alignment->outline.size; i++)
+        if (alignment->outline.table[i].key && alignment->outline.table[i].count >= 2) {
             double mean[3];
-            voxel_mean(&a->outline, &a->outline.table[i], mean);
+            voxel_mean(&alignment->outline, &alignment->outline.table[i], mean);
             search_grid_mark(grid, mean[0], mean[1]);
         }
     if (status == OK)
@@ -719,20 +722,20 @@ static enum status make_grid(const struct depth_alignment *a, const double (*poi
     return status;
 }
 
-static enum status search_once(struct depth_alignment *a, const double (*points)[2], int count, const double guess[3],
-                               const struct search_options *how)
+static enum status search_once(struct depth_alignment *alignment, const double (*points)[2], int count,
+                               const double guess[3], const struct search_options *how)
 {
     struct search_grid grid;
-    enum status status = make_grid(a, points, count, guess, how, &grid);
+    enum status status = make_grid(alignment, points, count, guess, how, &grid);
     if (status != OK)
         return status;
-    status = search_branch_and_bound(&grid, points, count, guess, how, &a->search);
+    status = search_branch_and_bound(&grid, points, count, guess, how, &alignment->search);
     search_grid_free(&grid);
     return status;
 }
 
 // The pose after the search, from the guess. NOTHING: it does not fit.
-static enum status search_pose(struct depth_alignment *a, const struct depth_points *points, struct pose *pose)
+static enum status search_pose(struct depth_alignment *alignment, const struct depth_points *points, struct pose *pose)
 {
     double(*outline)[2];
     int count;
@@ -741,24 +744,24 @@ static enum status search_pose(struct depth_alignment *a, const struct depth_poi
     const double guess[3] = {pose->translation.x, pose->translation.y, portable_atan2(ahead.y, ahead.x)};
     struct search_options how = search_default_options();
     if (status == OK && count >= FEWEST_POINTS) {
-        status = search_once(a, (const double(*)[2])outline, count, guess, &how);
-        if (status == OK && a->search.hits < LEAST_HITS * count) { // the odometry may have jumped
+        status = search_once(alignment, (const double(*)[2])outline, count, guess, &how);
+        if (status == OK && alignment->search.hits < MIN_HITS * count) { // the odometry may have jumped
             how.reach *= WIDENED;
             how.turns *= WIDENED;
             how.prior *= WIDENED;
-            status = search_once(a, (const double(*)[2])outline, count, guess, &how);
-            if (status == OK && a->search.hits < LEAST_HITS * count)
+            status = search_once(alignment, (const double(*)[2])outline, count, guess, &how);
+            if (status == OK && alignment->search.hits < MIN_HITS * count)
                 status = NOTHING;
         }
     } else if (status == OK)
-        a->search = (struct search_result){0}; // nothing to compare: the guess stands
+        alignment->search = (struct search_result){0}; // nothing to compare: the guess stands
     free(outline);
     if (status != OK)
         return status;
-    const struct quat turn = quat_from_rotation_vector(v3(0, 0, a->search.turn * SEARCH_TURN_STEP));
+    const struct quat turn = quat_from_rotation_vector(v3(0, 0, alignment->search.turn * SEARCH_TURN_STEP));
     pose->rotation = quat_unit(quat_multiply(turn, pose->rotation));
-    pose->translation.x += a->search.x * SEARCH_CELL_M;
-    pose->translation.y += a->search.y * SEARCH_CELL_M;
+    pose->translation.x += alignment->search.x * SEARCH_CELL_M;
+    pose->translation.y += alignment->search.y * SEARCH_CELL_M;
     return OK;
 }
 
@@ -769,16 +772,17 @@ static void world_point(const double m[3][3], const struct vec3 *t, const float 
         p[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + shift[k];
 }
 
-static void expect_point(const struct depth_alignment *a, const double p[3], bool outline)
+static void expect_point(const struct depth_alignment *alignment, const double p[3], bool outline)
 {
     const double flat[3] = {p[0], p[1], 0};
-    voxel_map_expect(&a->surface, p);
-    voxel_map_expect(&a->planes, p);
+    voxel_map_expect(&alignment->surface, p);
+    voxel_map_expect(&alignment->planes, p);
     if (outline)
-        voxel_map_expect(&a->outline, flat);
+        voxel_map_expect(&alignment->outline, flat);
 }
 
-static enum status unify(struct depth_alignment *a, const struct depth_points *points, const struct pose *pose)
+static enum status merge_points(struct depth_alignment *alignment, const struct depth_points *points,
+                                const struct pose *pose)
 {
     double m[3][3];
     quat_to_matrix(pose->rotation, m);
@@ -788,18 +792,18 @@ static enum status unify(struct depth_alignment *a, const struct depth_points *p
         double *slot = ahead[i % AHEAD], p[3] = {slot[0], slot[1], slot[2]};
         if (i < points->count) {
             world_point((const double(*)[3])m, &pose->translation, points->xyz[i], slot);
-            expect_point(a, slot, is_compared(points->xyz[i][2]));
+            expect_point(alignment, slot, is_compared(points->xyz[i][2]));
         }
         const int now = i - AHEAD;
         if (now < 0)
             continue;
         const double sigma = points->sigma[now];
-        status = voxel_map_add(&a->surface, p, sigma, a->capture_count);
+        status = voxel_map_add(&alignment->surface, p, sigma, alignment->capture_count);
         if (status == OK && now % 2 == 0)
-            status = voxel_map_add(&a->planes, p, sigma, a->capture_count);
+            status = voxel_map_add(&alignment->planes, p, sigma, alignment->capture_count);
         if (status == OK && is_compared(points->xyz[now][2])) {
             p[2] = 0;
-            status = voxel_map_add(&a->outline, p, sigma, a->capture_count);
+            status = voxel_map_add(&alignment->outline, p, sigma, alignment->capture_count);
         }
     }
     return status;
@@ -808,7 +812,7 @@ static enum status unify(struct depth_alignment *a, const struct depth_points *p
 enum status depth_alignment_unify(struct depth_alignment *a, const struct depth_points *points,
                                   struct pose world_from_body)
 {
-    const enum status status = unify(a, points, &world_from_body);
+    const enum status status = merge_points(a, points, &world_from_body);
     if (status == OK)
         a->capture_count++;
     return status;
@@ -828,7 +832,7 @@ enum status depth_alignment_add(struct depth_alignment *a, const struct depth_po
         if (status != OK)
             return status;
     }
-    status = unify(a, points, &pose);
+    status = merge_points(a, points, &pose);
     if (status != OK)
         return status;
     a->odometry = odometry;

@@ -20,18 +20,18 @@ struct normal_equations {
 };
 
 // A residual r that changes with the world point of a body by n per metre; arm: that point less the body's origin.
-static inline void normal_equations_add(struct normal_equations *e, const double n[3], const double arm[3], double r,
-                                        double weight)
+static inline void normal_equations_add(struct normal_equations *equations, const double n[3], const double arm[3],
+                                        double r, double weight)
 {
     const double j[6] = {
         arm[1] * n[2] - arm[2] * n[1], arm[2] * n[0] - arm[0] * n[2], arm[0] * n[1] - arm[1] * n[0], n[0], n[1], n[2]};
     for (int a = 0; a < 6; a++) {
         const double weighted = weight * j[a];
-        e->g[a] -= weighted * r;
+        equations->g[a] -= weighted * r;
         for (int b = 0; b < 6; b++)
-            e->h[6 * a + b] += weighted * j[b];
+            equations->h[6 * a + b] += weighted * j[b];
     }
-    e->matched++;
+    equations->matched++;
 }
 
 // What else is known of a body's pose: adds its residuals at world_from_body.
@@ -80,7 +80,7 @@ struct voxel_map {
     size_t size, used;
 };
 
-void voxel_mean(const struct voxel_map *map, const struct voxel *v, double mean[3]);
+void voxel_mean(const struct voxel_map *map, const struct voxel *voxel, double mean[3]);
 
 // ---------------------------------------------------------------- branch and bound
 
@@ -92,7 +92,7 @@ void voxel_mean(const struct voxel_map *map, const struct voxel *v, double mean[
 // Among equal answers, and against one flat wall that leaves a shift open, the one nearer to the guess is taken: the
 // guess is a soft prior. Pure but for memory.
 
-enum { SEARCH_LEVELS = 6, SEARCH_MOST_TURNS = 256 };
+enum { SEARCH_LEVELS = 6, SEARCH_MAX_TURNS = 256 };
 
 static const double SEARCH_CELL_M = 0.01;                           // step of the shift
 static const double SEARCH_TURN_STEP = 0.25 * 0.017453292519943295; // radians
@@ -143,7 +143,7 @@ struct depth_alignment {
 
 // surface_m: side of the voxels that all points are averaged in. ERR_MEMORY.
 MUST_CHECK enum status depth_alignment_open(struct depth_alignment *a, double surface_m);
-void depth_alignment_close(struct depth_alignment *a); // what was zeroed, too
+void depth_alignment_close(struct depth_alignment *alignment); // what was zeroed, too
 
 // Aligns and adds a capture. *world_from_body: where it was. NOTHING: the points do not fit the earlier ones, not even
 // after the widened search; then *world_from_body is the odometry's, and the points are not added. ERR_MEMORY.

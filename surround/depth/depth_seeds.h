@@ -1,7 +1,7 @@
 // The points that a picture sees, with a local plane each; steps of dense_depth_make.
 #pragma once
-#include "surround/picture/surround_picture.h"
 #include "surround/depth/dense_depth.h"
+#include "surround/picture/surround_picture.h"
 
 // ---------------------------------------------------------------- watershed
 
@@ -9,10 +9,10 @@
 
 // label[width * height]: the seed's number at seeds, WATERSHED_FREE where it may grow, WATERSHED_BARRED where not.
 // Free pixels get the label of the seed that reaches them over the lowest edges of colour, at most `reach` steps away
-// (steps along a panorama's row count by their true width) and over no edge above `most_edge` levels of a channel (255:
+// (steps along a panorama's row count by their true width) and over no edge above `max_edge` levels of a channel (255:
 // over all); the others stay free. ERR_MEMORY.
 enum { WATERSHED_FREE = -1, WATERSHED_BARRED = -2 };
-MUST_CHECK enum status watershed_grow(const struct surround_picture *p, int reach, int most_edge, int32_t *label);
+MUST_CHECK enum status watershed_grow(const struct surround_picture *p, int reach, int max_edge, int32_t *label);
 
 // ---------------------------------------------------------------- point colors
 
@@ -54,4 +54,4 @@ struct depth_seeds {
 // The nearest point of each pixel, with the planes fitted and the hidden marked. ERR_MEMORY.
 MUST_CHECK enum status depth_seeds_make(struct depth_seeds *s, const struct surround_picture *p,
                                         const struct world_points *points, const struct depth_options *how);
-void depth_seeds_free(struct depth_seeds *s); // what was zeroed, too
+void depth_seeds_free(struct depth_seeds *seeds); // what was zeroed, too

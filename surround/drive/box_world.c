@@ -5,35 +5,35 @@
 
 #define PI 3.14159265358979323846
 
-static uint32_t mix(uint32_t x)
+static uint32_t mix_bits(uint32_t x)
 {
     x ^= x >> 16, x *= 0x7feb352du, x ^= x >> 15, x *= 0x846ca68bu; // integer hash (Wellons, lowbias32)
     return x ^ x >> 16;
 }
 
 // Squares of 9 cm in two shades, each with its own tint: something to see and to compare everywhere.
-static void paint(const struct box *b, const double at[3], int axis, uint8_t rgb[3])
+static void paint_box(const struct box *box, const double at[3], int axis, uint8_t rgb[3])
 {
     const int u = (int)floor(at[(axis + 1) % 3] / 0.09), v = (int)floor(at[(axis + 2) % 3] / 0.09);
-    const uint32_t tint = mix((uint32_t)u * 73856093u ^ (uint32_t)v * 19349663u ^ (uint32_t)axis * 83492791u);
+    const uint32_t tint = mix_bits((uint32_t)u * 73856093u ^ (uint32_t)v * 19349663u ^ (uint32_t)axis * 83492791u);
     for (int c = 0; c < 3; c++) {
-        const int value = b->color[c] + (int)(tint >> (8 * c) & 63) - 32 - 10 * axis;
+        const int value = box->color[c] + (int)(tint >> (8 * c) & 63) - 32 - 10 * axis;
         rgb[c] = (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
     }
 }
 
 // The slab method (Kay and Kajiya 1986). The axis of the face that is met in *axis.
-static double meet(const struct box *b, const double from[3], const double ray[3], int *axis)
+static double intersect_box(const struct box *box, const double from[3], const double ray[3], int *axis)
 {
     double enter = -1e9, leave = 1e9;
     int enter_axis = 0, leave_axis = 0;
     for (int i = 0; i < 3; i++) {
         if (fabs(ray[i]) < 1e-12) {
-            if (from[i] < b->low[i] || from[i] > b->high[i])
+            if (from[i] < box->low[i] || from[i] > box->high[i])
                 return 0;
             continue;
         }
-        double a = (b->low[i] - from[i]) / ray[i], c = (b->high[i] - from[i]) / ray[i];
+        double a = (box->low[i] - from[i]) / ray[i], c = (box->high[i] - from[i]) / ray[i];
         if (a > c) {
             const double t = a;
             a = c;
@@ -50,18 +50,18 @@ static double meet(const struct box *b, const double from[3], const double ray[3
     }
     if (enter > leave)
         return 0;
-    *axis = b->inside ? leave_axis : enter_axis;
-    const double t = b->inside ? leave : enter;
+    *axis = box->inside ? leave_axis : enter_axis;
+    const double t = box->inside ? leave : enter;
     return t > 1e-6 ? t : 0;
 }
 
-double box_world_cast(const struct box_world *w, const double from[3], const double ray[3], uint8_t rgb[3])
+double box_world_cast(const struct box_world *world, const double from[3], const double ray[3], uint8_t rgb[3])
 {
     double nearest = 0;
     int axis = 0, box = -1;
-    for (int i = 0; i < w->count; i++) {
+    for (int i = 0; i < world->count; i++) {
         int face;
-        const double t = meet(&w->boxes[i], from, ray, &face);
+        const double t = intersect_box(&world->boxes[i], from, ray, &face);
         if (t > 0 && (box < 0 || t < nearest)) {
             nearest = t;
             axis = face;
@@ -72,12 +72,13 @@ double box_world_cast(const struct box_world *w, const double from[3], const dou
         double at[3];
         for (int i = 0; i < 3; i++)
             at[i] = from[i] + nearest * ray[i];
-        paint(&w->boxes[box], at, axis, rgb);
+        paint_box(&world->boxes[box], at, axis, rgb);
     }
     return nearest;
 }
 
-void box_world_panorama(const struct box_world *w, struct pose world_from_camera, int width, int height, uint8_t *rgb)
+void box_world_panorama(const struct box_world *world, struct pose world_from_camera, int width, int height,
+                        uint8_t *rgb)
 {
     double m[3][3];
     quat_to_matrix(world_from_camera.rotation, m);
@@ -93,23 +94,23 @@ void box_world_panorama(const struct box_world *w, struct pose world_from_camera
                 ray[i] = m[i][0] * c[0] + m[i][1] * c[1] + m[i][2] * c[2];
             uint8_t *out = rgb + 3 * ((size_t)v * (size_t)width + (size_t)u);
             out[0] = out[1] = out[2] = 0;
-            box_world_cast(w, from, ray, out);
+            box_world_cast(world, from, ray, out);
         }
 }
 
 // About normal: the sum of four uniform numbers.
-static double noise(uint32_t *state)
+static double normal_noise(uint32_t *state)
 {
     double sum = 0;
     for (int i = 0; i < 4; i++) {
-        *state = mix(*state + 0x9e3779b9u);
+        *state = mix_bits(*state + 0x9e3779b9u);
         sum += *state / 4294967296.0 - 0.5;
     }
     return sum * 1.7320508; // each has variance 1 / 12
 }
 
-void box_world_depth(const struct box_world *w, struct pose world_from_camera, const struct lens *lens, double range_m,
-                     uint32_t seed, uint16_t *depth)
+void box_world_depth(const struct box_world *world, struct pose world_from_camera, const struct lens *lens,
+                     double range_m, uint32_t seed, uint16_t *depth)
 {
     double m[3][3];
     quat_to_matrix(world_from_camera.rotation, m);
@@ -123,9 +124,9 @@ void box_world_depth(const struct box_world *w, struct pose world_from_camera, c
             double ray[3];
             for (int i = 0; i < 3; i++)
                 ray[i] = m[i][0] * local[0] + m[i][1] * local[1] + m[i][2] * local[2];
-            double z = box_world_cast(w, from, ray, NULL) * c.z;
+            double z = box_world_cast(world, from, ray, NULL) * c.z;
             if (seed && z > 0)
-                z += noise(&state) * depth_sigma_m(z);
+                z += normal_noise(&state) * depth_sigma_m(z);
             depth[(size_t)v * (size_t)lens->width + (size_t)u] = (uint16_t)(z > 0.3 && z < range_m ? z * 1e3 + 0.5 : 0);
         }
 }
@@ -153,7 +154,7 @@ static double outline_distance(const double (*a)[2], const double (*b)[2])
     return apart ? best : 0;
 }
 
-double box_world_clearance(const struct box_world *w, struct pose world_from_body, const double size_m[3])
+double box_world_clearance(const struct box_world *world, struct pose world_from_body, const double size_m[3])
 {
     double corners[4][2], best = 1e9;
     for (int k = 0; k < 4; k++) {
@@ -162,8 +163,8 @@ double box_world_clearance(const struct box_world *w, struct pose world_from_bod
         corners[k][0] = p.x;
         corners[k][1] = p.y;
     }
-    for (int i = 0; i < w->count; i++) {
-        const struct box *b = &w->boxes[i];
+    for (int i = 0; i < world->count; i++) {
+        const struct box *b = &world->boxes[i];
         if (b->inside) {
             for (int k = 0; k < 4; k++)
                 for (int c = 0; c < 2; c++)

@@ -9,13 +9,13 @@
 
 struct drive_options drive_default_options(void) { return (struct drive_options){.patience_s = 0.5}; }
 
-static bool delivers(void *self, int capture)
+static bool is_delivered(void *self, int capture)
 {
     const struct drive_session *s = self;
     return drive_link_delivers(&s->how.link, (uint32_t)capture);
 }
 
-static struct lens resized(const struct lens *lens, const struct drive_options *how)
+static struct lens resize_lens(const struct lens *lens, const struct drive_options *how)
 {
     struct lens out = *lens;
     if (how->width > 0 && how->height > 0) {
@@ -30,7 +30,7 @@ static struct lens resized(const struct lens *lens, const struct drive_options *
     return out;
 }
 
-static enum status open_simulated(struct drive_session *s, const char *stage)
+static enum status open_simulated(struct drive_session *session, const char *stage)
 {
     struct box_world world;
     struct pose start;
@@ -39,52 +39,53 @@ static enum status open_simulated(struct drive_session *s, const char *stage)
     if (number < 1 || number > 3)
         return fail(ERR_INPUT, "sim: has the stages 1 (straight passage), 2 (bent passage) and 3 (a wall), not '%s'",
                     stage);
-    how.view = resized(&how.view, &s->how);
+    how.view = resize_lens(&how.view, &session->how);
     rover_stage_world(number, &world, &start);
-    return simulated_rover_open(&s->rover, &world, start, &how);
+    return simulated_rover_open(&session->rover, &world, start, &how);
 }
 
-static enum status open_folder(struct drive_session *s, const char *folder)
+static enum status open_folder(struct drive_session *session, const char *folder)
 {
-    enum status status = surroundings_open(&s->played, folder, NULL);
+    enum status status = surroundings_open(&session->played, folder, NULL);
     if (status != OK)
         return status;
-    if (s->played.kind != SURROUNDINGS_ROBOT)
+    if (session->played.kind != SURROUNDINGS_ROBOT)
         return fail(ERR_INPUT, "%s holds no robot's captures (odometry.txt); for a vehicle's use reenact surround",
                     folder);
-    s->played.delivers = delivers;
-    s->played.delivers_self = s;
-    s->first_ns = s->played.set.captures[0].time_ns;
-    const struct lens lens = resized(&s->played.set.view, &s->how);
-    surround_view_close(&s->played.view);
-    return surround_view_open(&s->played.view, &lens);
+    session->played.delivers = is_delivered;
+    session->played.delivers_self = session;
+    session->first_ns = session->played.set.captures[0].time_ns;
+    const struct lens lens = resize_lens(&session->played.set.view, &session->how);
+    surround_view_close(&session->played.view);
+    return surround_view_open(&session->played.view, &lens);
 }
 
-static enum status open_ros(struct drive_session *s, const char *master)
+static enum status open_ros(struct drive_session *session, const char *master)
 {
-    if (!s->how.calibration)
+    if (!session->how.calibration)
         return fail(ERR_INPUT, "a ROS robot needs --calibration FILE: its lenses and where its cameras are, like the "
                                "calibration.json of a folder of captures");
-    enum status status = ros_rover_open(&s->ros, master, s->how.remap, s->how.calibration, s->how.patience_s);
+    enum status status =
+        ros_rover_open(&session->ros, master, session->how.remap, session->how.calibration, session->how.patience_s);
     if (status != OK)
         return status;
-    const struct lens lens = resized(&s->ros.rig.view, &s->how);
-    surround_view_close(&s->ros.surroundings.view);
-    return surround_view_open(&s->ros.surroundings.view, &lens);
+    const struct lens lens = resize_lens(&session->ros.rig.view, &session->how);
+    surround_view_close(&session->ros.surroundings.view);
+    return surround_view_open(&session->ros.surroundings.view, &lens);
 }
 
-const struct surroundings *drive_session_surroundings(const struct drive_session *s)
+const struct surroundings *drive_session_surroundings(const struct drive_session *session)
 {
-    return s->kind == DRIVE_SIMULATED ? &s->rover.surroundings
-           : s->kind == DRIVE_PLAYED  ? &s->played
-                                      : &s->ros.surroundings;
+    return session->kind == DRIVE_SIMULATED ? &session->rover.surroundings
+           : session->kind == DRIVE_PLAYED  ? &session->played
+                                            : &session->ros.surroundings;
 }
 
-static struct surroundings *seen_by(struct drive_session *s)
+static struct surroundings *seen_by(struct drive_session *session)
 {
-    return s->kind == DRIVE_SIMULATED ? &s->rover.surroundings
-           : s->kind == DRIVE_PLAYED  ? &s->played
-                                      : &s->ros.surroundings;
+    return session->kind == DRIVE_SIMULATED ? &session->rover.surroundings
+           : session->kind == DRIVE_PLAYED  ? &session->played
+                                            : &session->ros.surroundings;
 }
 
 enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how)
@@ -111,179 +112,184 @@ enum status drive_session_open(struct drive_session *s, const char *uri, const s
     return status;
 }
 
-void drive_session_close(struct drive_session *s)
+void drive_session_close(struct drive_session *session)
 {
-    simulated_rover_close(&s->rover);
-    surroundings_close(&s->played);
-    ros_rover_close(&s->ros);
-    *s = (struct drive_session){0};
+    simulated_rover_close(&session->rover);
+    surroundings_close(&session->played);
+    ros_rover_close(&session->ros);
+    *session = (struct drive_session){0};
 }
 
 // What arrives at the robot by then.
-static void receive(struct drive_session *s, int64_t by_ns)
+static void receive_commands(struct drive_session *session, int64_t by_ns)
 {
-    while (s->pending_count && s->pending[0].arrives_ns <= by_ns) {
-        s->command = s->pending[0].command;
-        s->watch.heard = true;
-        s->watch.heard_ns = s->pending[0].arrives_ns;
-        memmove(s->pending, s->pending + 1, (size_t)--s->pending_count * sizeof *s->pending);
+    while (session->pending_count && session->pending[0].arrives_ns <= by_ns) {
+        session->command = session->pending[0].command;
+        session->watch.heard = true;
+        session->watch.heard_ns = session->pending[0].arrives_ns;
+        memmove(session->pending, session->pending + 1, (size_t)--session->pending_count * sizeof *session->pending);
     }
 }
 
-static int64_t delay_ns(const struct drive_session *s) { return llround(s->how.link.delay_s * 1e9); }
+static int64_t delay_ns(const struct drive_session *session) { return llround(session->how.link.delay_s * 1e9); }
 
-static void send(struct drive_session *s, const struct drive_command *command)
+static void send_command(struct drive_session *session, const struct drive_command *command)
 {
-    if (!drive_link_delivers(&s->how.link, s->sent++) || s->pending_count == DRIVE_PENDING)
+    if (!drive_link_delivers(&session->how.link, session->sent++) || session->pending_count == DRIVE_PENDING)
         return;
-    s->pending[s->pending_count].command = *command;
-    s->pending[s->pending_count++].arrives_ns = s->now_ns + delay_ns(s);
+    session->pending[session->pending_count].command = *command;
+    session->pending[session->pending_count++].arrives_ns = session->now_ns + delay_ns(session);
 }
 
 // What the simulated robot does by itself from then until now, whether or not this program ran meanwhile: it carries
 // out what arrives when it arrives, and stops when its watchdog has heard nothing for so long.
-static enum status drive_robot(struct drive_session *s, int64_t from_ns)
+static enum status drive_robot(struct drive_session *session, int64_t from_ns)
 {
-    const int64_t most_ns = 50000000; // so that it is not driven through what it would touch
+    const int64_t max_ns = 50000000; // so that it is not driven through what it would touch
     enum status status = OK;
-    while (status == OK && from_ns < s->now_ns) {
+    while (status == OK && from_ns < session->now_ns) {
         bool lost;
-        receive(s, from_ns);
-        const int64_t stops_ns = s->watch.heard_ns + llround(s->watch.patience_s * 1e9);
-        const struct drive_command carried = link_watch_command(&s->watch, s->command, from_ns + 1, &lost);
-        int64_t to_ns = s->now_ns;
-        if (s->pending_count && s->pending[0].arrives_ns < to_ns)
-            to_ns = s->pending[0].arrives_ns;
+        receive_commands(session, from_ns);
+        const int64_t stops_ns = session->watch.heard_ns + llround(session->watch.patience_s * 1e9);
+        const struct drive_command carried = link_watch_command(&session->watch, session->command, from_ns + 1, &lost);
+        int64_t to_ns = session->now_ns;
+        if (session->pending_count && session->pending[0].arrives_ns < to_ns)
+            to_ns = session->pending[0].arrives_ns;
         if (!lost && stops_ns < to_ns)
             to_ns = stops_ns;
-        if (!lost && to_ns - from_ns > most_ns)
-            to_ns = from_ns + most_ns;
-        status = simulated_rover_step(&s->rover, carried, (double)(to_ns - from_ns) * 1e-9);
+        if (!lost && to_ns - from_ns > max_ns)
+            to_ns = from_ns + max_ns;
+        status = simulated_rover_step(&session->rover, carried, (double)(to_ns - from_ns) * 1e-9);
         from_ns = to_ns;
     }
     return status;
 }
 
-static enum status step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
+static enum status step_session(struct drive_session *session, int64_t now_ns, const struct drive_command *command)
 {
-    const int64_t was_ns = s->now_ns;
-    s->now_ns = now_ns;
-    if (s->kind == DRIVE_ROS) {
-        const enum status status = ros_rover_step(&s->ros, now_ns, command);
-        s->link_lost = s->ros.lost;
+    const int64_t was_ns = session->now_ns;
+    session->now_ns = now_ns;
+    if (session->kind == DRIVE_ROS) {
+        const enum status status = ros_rover_step(&session->ros, now_ns, command);
+        session->link_lost = session->ros.lost;
         return status;
     }
-    if (s->kind == DRIVE_PLAYED) { // it goes where it went, whatever it is told
-        const struct surround_set *set = &s->played.set;
-        const int64_t at = s->first_ns + now_ns - delay_ns(s);
-        s->ended = at > set->odometry[set->odometry_count - 1].time_ns;
-        s->link_lost = s->ended;
-        return surroundings_advance(&s->played, at);
+    if (session->kind == DRIVE_PLAYED) { // it goes where it went, whatever it is told
+        const struct surround_set *set = &session->played.set;
+        const int64_t at = session->first_ns + now_ns - delay_ns(session);
+        session->ended = at > set->odometry[set->odometry_count - 1].time_ns;
+        session->link_lost = session->ended;
+        return surroundings_advance(&session->played, at);
     }
-    enum status status = drive_robot(s, was_ns);
+    enum status status = drive_robot(session, was_ns);
     if (command)
-        send(s, command);
-    receive(s, now_ns);
-    const struct drive_command carried = link_watch_command(&s->watch, s->command, now_ns, &s->link_lost);
-    return status == OK ? simulated_rover_step(&s->rover, carried, 0) : status;
+        send_command(session, command);
+    receive_commands(session, now_ns);
+    const struct drive_command carried =
+        link_watch_command(&session->watch, session->command, now_ns, &session->link_lost);
+    return status == OK ? simulated_rover_step(&session->rover, carried, 0) : status;
 }
 
 enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
 {
-    const enum status status = step(s, now_ns, command);
+    const enum status status = step_session(s, now_ns, command);
     if (status == OK)
         drive_path_add(&s->path, drive_session_pose(s).translation);
     return status;
 }
 
-struct pose drive_session_pose(const struct drive_session *s)
+struct pose drive_session_pose(const struct drive_session *session)
 {
-    if (s->kind == DRIVE_SIMULATED)
-        return simulated_rover_pose(&s->rover);
-    if (s->kind == DRIVE_ROS)
-        return ros_rover_pose(&s->ros);
-    const struct surround_set *set = &s->played.set;
-    const int64_t at = s->first_ns + s->now_ns - delay_ns(s);
-    return surroundings_bridge(&s->played, pose_list_at(set->odometry, set->odometry_count, at));
+    if (session->kind == DRIVE_SIMULATED)
+        return simulated_rover_pose(&session->rover);
+    if (session->kind == DRIVE_ROS)
+        return ros_rover_pose(&session->ros);
+    const struct surround_set *set = &session->played.set;
+    const int64_t at = session->first_ns + session->now_ns - delay_ns(session);
+    return surroundings_bridge(&session->played, pose_list_at(set->odometry, set->odometry_count, at));
 }
 
 // The command that moved the body over the last quarter of a second of a played folder.
-static struct drive_command played_command(const struct drive_session *s)
+static struct drive_command played_command(const struct drive_session *session)
 {
-    const struct surround_set *set = &s->played.set;
-    const int64_t at = s->first_ns + s->now_ns - delay_ns(s);
+    const struct surround_set *set = &session->played.set;
+    const int64_t at = session->first_ns + session->now_ns - delay_ns(session);
     const struct pose before = pose_list_at(set->odometry, set->odometry_count, at - 250000000);
     const struct pose after = pose_list_at(set->odometry, set->odometry_count, at);
     const struct pose moved = pose_multiply(pose_inverse(before), after);
     return (struct drive_command){moved.translation.x / 0.25, quat_to_rotation_vector(moved.rotation).z / 0.25};
 }
 
-static double age_of_s(const struct drive_session *s, const struct surroundings *seen)
+static double age_of_s(const struct drive_session *session, const struct surroundings *seen)
 {
-    if (s->kind == DRIVE_ROS)
-        return ros_rover_age_s(&s->ros);
-    const int64_t newest = seen->taken ? seen->pictures[seen->taken - 1].time_ns : s->first_ns;
-    return (double)(s->now_ns + (s->kind == DRIVE_PLAYED ? s->first_ns : 0) - newest) * 1e-9;
+    if (session->kind == DRIVE_ROS)
+        return ros_rover_age_s(&session->ros);
+    const int64_t newest = seen->taken ? seen->pictures[seen->taken - 1].time_ns : session->first_ns;
+    return (double)(session->now_ns + (session->kind == DRIVE_PLAYED ? session->first_ns : 0) - newest) * 1e-9;
 }
 
-static struct drive_command command_of(const struct drive_session *s)
+static struct drive_command command_of(const struct drive_session *session)
 {
-    return s->kind == DRIVE_SIMULATED ? s->rover.command : s->kind == DRIVE_ROS ? s->ros.command : played_command(s);
+    return session->kind == DRIVE_SIMULATED ? session->rover.command
+           : session->kind == DRIVE_ROS     ? session->ros.command
+                                            : played_command(session);
 }
 
-struct drive_readings drive_session_readings(const struct drive_session *s)
+struct drive_readings drive_session_readings(const struct drive_session *session)
 {
-    const struct surroundings *seen = drive_session_surroundings(s);
+    const struct surroundings *seen = drive_session_surroundings(session);
     const struct pose newest = seen->taken ? seen->poses[seen->taken - 1] : POSE_IDENTITY;
     return (struct drive_readings){
-        .command = command_of(s),
-        .age_s = age_of_s(s, seen),
-        .link_lost = s->link_lost,
-        .interrupted = s->kind == DRIVE_ROS && s->ros.interrupted,
-        .near = s->near,
-        .nearest_m = s->nearest_m,
-        .picture_old = s->kind != DRIVE_PLAYED && seen->taken &&
-                       (v3_distance(drive_session_pose(s).translation, newest.translation) > STALE_M ||
-                        (s->kind == DRIVE_ROS && ros_rover_silent_s(&s->ros) > STALE_S)),
+        .command = command_of(session),
+        .age_s = age_of_s(session, seen),
+        .link_lost = session->link_lost,
+        .interrupted = session->kind == DRIVE_ROS && session->ros.interrupted,
+        .near = session->near,
+        .nearest_m = session->nearest_m,
+        .picture_old = session->kind != DRIVE_PLAYED && seen->taken &&
+                       (v3_distance(drive_session_pose(session).translation, newest.translation) > STALE_M ||
+                        (session->kind == DRIVE_ROS && ros_rover_silent_s(&session->ros) > STALE_S)),
     };
 }
 
-const double *drive_session_size(const struct drive_session *s)
+const double *drive_session_size(const struct drive_session *session)
 {
-    return s->kind == DRIVE_SIMULATED ? s->rover.how.size_m
-           : s->kind == DRIVE_ROS     ? s->ros.rig.body_size_m
-                                      : s->played.set.body_size_m;
+    return session->kind == DRIVE_SIMULATED ? session->rover.how.size_m
+           : session->kind == DRIVE_ROS     ? session->ros.rig.body_size_m
+                                            : session->played.set.body_size_m;
 }
 
-struct pose drive_session_viewpoint(const struct drive_session *s)
+struct pose drive_session_viewpoint(const struct drive_session *session)
 {
-    return operator_viewpoint(s->eye.viewpoint, POSE_IDENTITY, drive_session_size(s));
+    return operator_viewpoint(session->eye.viewpoint, POSE_IDENTITY, drive_session_size(session));
 }
 
-const struct lens *drive_session_lens(const struct drive_session *s)
+const struct lens *drive_session_lens(const struct drive_session *session)
 {
-    return s->kind == DRIVE_SIMULATED ? &s->rover.surroundings.view.lens
-           : s->kind == DRIVE_PLAYED  ? &s->played.view.lens
-                                      : &s->ros.surroundings.view.lens;
+    return session->kind == DRIVE_SIMULATED ? &session->rover.surroundings.view.lens
+           : session->kind == DRIVE_PLAYED  ? &session->played.view.lens
+                                            : &session->ros.surroundings.view.lens;
 }
 
-static struct pose eye_of(const struct drive_session *s, struct pose body)
+static struct pose eye_of(const struct drive_session *session, struct pose body)
 {
-    return s->eye.head    ? pose_multiply(body, s->eye.body_from_eye)
-           : s->eye.orbit ? operator_orbit(body, s->eye.azimuth, s->eye.elevation, s->eye.distance_m)
-                          : operator_viewpoint(s->eye.viewpoint, body, drive_session_size(s));
+    return session->eye.head ? pose_multiply(body, session->eye.body_from_eye)
+           : session->eye.orbit
+               ? operator_orbit(body, session->eye.azimuth, session->eye.elevation, session->eye.distance_m)
+               : operator_viewpoint(session->eye.viewpoint, body, drive_session_size(session));
 }
 
-static void fill_overlay(struct drive_session *s, struct pose body, struct operator_overlay *out)
+static void fill_overlay(struct drive_session *session, struct pose body, struct operator_overlay *out)
 {
     *out = (struct operator_overlay){.world_from_body = body,
-                                     .command = command_of(s),
-                                     .age_s = age_of_s(s, seen_by(s)),
-                                     .link_lost = s->link_lost,
-                                     .path = &s->path,
-                                     .wordless = s->wordless};
-    memcpy(out->size_m, drive_session_size(s), sizeof out->size_m);
-    if (!s->eye.orbit && !s->eye.head && s->eye.viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
+                                     .command = command_of(session),
+                                     .age_s = age_of_s(session, seen_by(session)),
+                                     .link_lost = session->link_lost,
+                                     .path = &session->path,
+                                     .wordless = session->wordless};
+    memcpy(out->size_m, drive_session_size(session), sizeof out->size_m);
+    if (!session->eye.orbit && !session->eye.head &&
+        session->eye.viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
         out->size_m[0] = out->size_m[1] = out->size_m[2] = 0;
         out->command = (struct drive_command){0, 0};
     }

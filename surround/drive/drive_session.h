@@ -55,7 +55,7 @@ struct drive_session {
 
 // ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.
 MUST_CHECK enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how);
-void drive_session_close(struct drive_session *s); // what was zeroed, too
+void drive_session_close(struct drive_session *session); // what was zeroed, too
 
 // Moves on to `now_ns` (session time, rising). command: what the operator sends at this moment; NULL: nothing. What was
 // sent before moves the simulated robot until then, for as long as its watchdog lets it (patience_s).
@@ -71,10 +71,10 @@ struct drive_readings {
     bool near;                    // something was seen near the body
     double nearest_m;             // with near: so far away
 };
-struct drive_readings drive_session_readings(const struct drive_session *s);
+struct drive_readings drive_session_readings(const struct drive_session *session);
 
 // Of the operator's pictures.
-const struct lens *drive_session_lens(const struct drive_session *s);
+const struct lens *drive_session_lens(const struct drive_session *session);
 
 // What the operator is to see at this moment, for drawing it elsewhere. The pictures are borrowed until the next call.
 struct drive_scene {
@@ -89,15 +89,15 @@ struct drive_scene {
 MUST_CHECK enum status drive_session_prepare(struct drive_session *s, struct drive_scene *out);
 
 // Of the body: length, width, height.
-const double *drive_session_size(const struct drive_session *s);
+const double *drive_session_size(const struct drive_session *session);
 // What the robot has captured so far.
-const struct surroundings *drive_session_surroundings(const struct drive_session *s);
+const struct surroundings *drive_session_surroundings(const struct drive_session *session);
 
 // Draws the operator's picture with the overlay; *view lives as long as the session.
 MUST_CHECK enum status drive_session_draw(struct drive_session *s, const struct surround_view **view);
 
 // The body as the operator's side believes it to be.
-struct pose drive_session_pose(const struct drive_session *s);
+struct pose drive_session_pose(const struct drive_session *session);
 
 // Where the chosen viewpoint's eye is in the body's axes (without orbit and head).
-struct pose drive_session_viewpoint(const struct drive_session *s);
+struct pose drive_session_viewpoint(const struct drive_session *session);

@@ -34,7 +34,7 @@ static struct vec3 in_body(struct pose world_from_body, const double at[3])
     return pose_apply(pose_inverse(world_from_body), v3(at[0], at[1], at[2]));
 }
 
-static double beyond(double x, double half) { return x > half ? x - half : x < -half ? x + half : 0; }
+static double excess_beyond(double x, double half) { return x > half ? x - half : x < -half ? x + half : 0; }
 
 enum status nearest_in_view(const struct surround_view *view, struct pose world_from_body, const double size_m[3],
                             double low_m, struct nearest_thing *out)
@@ -51,7 +51,7 @@ enum status nearest_in_view(const struct surround_view *view, struct pose world_
             const struct vec3 b = in_body(world_from_body, one.at);
             if (b.z < low_m || b.z > size_m[2])
                 continue;
-            const double dx = beyond(b.x, size_m[0] / 2), dy = beyond(b.y, size_m[1] / 2);
+            const double dx = excess_beyond(b.x, size_m[0] / 2), dy = excess_beyond(b.y, size_m[1] / 2);
             one.distance_m = sqrt(dx * dx + dy * dy);
             if (count == RANK && list[RANK - 1].distance_m <= one.distance_m)
                 continue;
@@ -69,7 +69,7 @@ enum status nearest_in_view(const struct surround_view *view, struct pose world_
 }
 
 // Pixel and 1 / z of a world point; false: behind the view.
-static bool project(const struct surround_view *view, struct vec3 p, double *x, double *y, double *inverse_z)
+static bool project_point(const struct surround_view *view, struct vec3 p, double *x, double *y, double *inverse_z)
 {
     const struct vec3 d = v3_sub(p, view->world_from_view.translation);
     const double w[3] = {d.x, d.y, d.z};
@@ -84,7 +84,7 @@ static bool project(const struct surround_view *view, struct vec3 p, double *x, 
     return true;
 }
 
-static void tint(struct surround_view *view, int x, int y, const uint8_t color[3], int percent)
+static void tint_pixel(struct surround_view *view, int x, int y, const uint8_t color[3], int percent)
 {
     if (x < 0 || y < 0 || x >= view->lens.width || y >= view->lens.height)
         return;
@@ -98,31 +98,32 @@ static void add_line(struct overlay_shapes *out, const struct surround_view *vie
 {
     struct overlay_line *line = &out->lines[out->line_count];
     double z;
-    if (out->line_count == OVERLAY_LINES || !project(view, a, &line->ax, &line->ay, &z) ||
-        !project(view, b, &line->bx, &line->by, &z))
+    if (out->line_count == OVERLAY_LINES || !project_point(view, a, &line->ax, &line->ay, &z) ||
+        !project_point(view, b, &line->bx, &line->by, &z))
         return;
     memcpy(line->color, color, sizeof line->color);
     out->line_count++;
 }
 
-static void draw_line(struct surround_view *view, const struct overlay_line *l)
+static void draw_line(struct surround_view *view, const struct overlay_line *line)
 {
-    const double length = fmax(fabs(l->bx - l->ax), fabs(l->by - l->ay));
+    const double length = fmax(fabs(line->bx - line->ax), fabs(line->by - line->ay));
     const int steps = length < 1 ? 1 : length > 4000 ? 4000 : (int)length;
     for (int i = 0; i <= steps; i++) {
         const double t = (double)i / steps;
-        const int x = (int)floor(l->ax + t * (l->bx - l->ax) + 0.5), y = (int)floor(l->ay + t * (l->by - l->ay) + 0.5);
-        tint(view, x, y, l->color, OVERLAY_LINE_PERCENT);
-        tint(view, x + 1, y, l->color, OVERLAY_LINE_PERCENT);
+        const int x = (int)floor(line->ax + t * (line->bx - line->ax) + 0.5),
+                  y = (int)floor(line->ay + t * (line->by - line->ay) + 0.5);
+        tint_pixel(view, x, y, line->color, OVERLAY_LINE_PERCENT);
+        tint_pixel(view, x + 1, y, line->color, OVERLAY_LINE_PERCENT);
     }
 }
 
 // The body's box: where the ray through a pixel meets it before what is drawn there, the pixel is tinted.
-static void draw_body(struct surround_view *view, const struct operator_overlay *o)
+static void draw_body(struct surround_view *view, const struct operator_overlay *overlay)
 {
-    const struct pose body_from_view = pose_multiply(pose_inverse(o->world_from_body), view->world_from_view);
-    const double low[3] = {-o->size_m[0] / 2, -o->size_m[1] / 2, 0};
-    const double high[3] = {o->size_m[0] / 2, o->size_m[1] / 2, o->size_m[2]};
+    const struct pose body_from_view = pose_multiply(pose_inverse(overlay->world_from_body), view->world_from_view);
+    const double low[3] = {-overlay->size_m[0] / 2, -overlay->size_m[1] / 2, 0};
+    const double high[3] = {overlay->size_m[0] / 2, overlay->size_m[1] / 2, overlay->size_m[2]};
     double m[3][3];
     quat_to_matrix(body_from_view.rotation, m);
     const double from[3] = {body_from_view.translation.x, body_from_view.translation.y, body_from_view.translation.z};
@@ -138,63 +139,69 @@ static void draw_body(struct surround_view *view, const struct operator_overlay 
             }
             const float inverse_z = view->inverse_z[(size_t)y * (size_t)view->lens.width + (size_t)x];
             if (enter < leave && enter > 0.05 && !(inverse_z > 1 / enter))
-                tint(view, x, y, overlay_body_color, OVERLAY_BODY_PERCENT);
+                tint_pixel(view, x, y, overlay_body_color, OVERLAY_BODY_PERCENT);
         }
 }
 
-static void add_edges(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
+static void add_edges(struct overlay_shapes *out, const struct surround_view *view,
+                      const struct operator_overlay *overlay)
 {
-    const double low[3] = {-o->size_m[0] / 2, -o->size_m[1] / 2, 0};
-    const double high[3] = {o->size_m[0] / 2, o->size_m[1] / 2, o->size_m[2]};
+    const double low[3] = {-overlay->size_m[0] / 2, -overlay->size_m[1] / 2, 0};
+    const double high[3] = {overlay->size_m[0] / 2, overlay->size_m[1] / 2, overlay->size_m[2]};
     for (int k = 0; k < 12; k++) {
         const int axis = k / 4, b = (axis + 1) % 3, c = (axis + 2) % 3;
         double p[3], q[3];
         p[axis] = low[axis], q[axis] = high[axis];
         p[b] = q[b] = k & 1 ? high[b] : low[b];
         p[c] = q[c] = k & 2 ? high[c] : low[c];
-        add_line(out, view, pose_apply(o->world_from_body, v3(p[0], p[1], p[2])),
-                 pose_apply(o->world_from_body, v3(q[0], q[1], q[2])), overlay_body_color);
+        add_line(out, view, pose_apply(overlay->world_from_body, v3(p[0], p[1], p[2])),
+                 pose_apply(overlay->world_from_body, v3(q[0], q[1], q[2])), overlay_body_color);
     }
 }
 
 // A chevron on its top, at its front.
-static void add_heading(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
+static void add_heading(struct overlay_shapes *out, const struct surround_view *view,
+                        const struct operator_overlay *overlay)
 {
-    const struct vec3 front = pose_apply(o->world_from_body, v3(o->size_m[0] / 2, 0, o->size_m[2]));
+    const struct vec3 front = pose_apply(overlay->world_from_body, v3(overlay->size_m[0] / 2, 0, overlay->size_m[2]));
     for (int side = -1; side <= 1; side += 2)
-        add_line(out, view, front, pose_apply(o->world_from_body, v3(0, side * o->size_m[1] / 2, o->size_m[2])),
+        add_line(out, view, front,
+                 pose_apply(overlay->world_from_body, v3(0, side * overlay->size_m[1] / 2, overlay->size_m[2])),
                  overlay_body_color);
 }
 
-static void add_path(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
+static void add_path(struct overlay_shapes *out, const struct surround_view *view,
+                     const struct operator_overlay *overlay)
 {
-    const struct drive_path *p = o->path;
+    const struct drive_path *p = overlay->path;
     const struct vec3 above_floor = v3(0, 0, 0.02);
     for (int i = 0; p && i < p->count; i++)
         add_line(out, view, v3_add(p->at[i], above_floor),
-                 v3_add(i + 1 < p->count ? p->at[i + 1] : o->world_from_body.translation, above_floor), path_color);
+                 v3_add(i + 1 < p->count ? p->at[i + 1] : overlay->world_from_body.translation, above_floor),
+                 path_color);
 }
 
-static void add_arrow(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
+static void add_arrow(struct overlay_shapes *out, const struct surround_view *view,
+                      const struct operator_overlay *overlay)
 {
-    if (fabs(o->command.speed) < 1e-3 && fabs(o->command.turn_rate) < 1e-3)
+    if (fabs(overlay->command.speed) < 1e-3 && fabs(overlay->command.turn_rate) < 1e-3)
         return;
-    const double front = o->command.speed < 0 ? -o->size_m[0] / 2 : o->size_m[0] / 2;
-    struct vec3 last = pose_apply(o->world_from_body, v3(front, 0, 0.03));
-    struct pose end = o->world_from_body;
+    const double front = overlay->command.speed < 0 ? -overlay->size_m[0] / 2 : overlay->size_m[0] / 2;
+    struct vec3 last = pose_apply(overlay->world_from_body, v3(front, 0, 0.03));
+    struct pose end = overlay->world_from_body;
     for (int i = 1; i <= ARC_STEPS; i++) {
-        end = robot_motion_after(o->world_from_body, o->command, ARROW_S * i / ARC_STEPS);
+        end = robot_motion_after(overlay->world_from_body, overlay->command, ARROW_S * i / ARC_STEPS);
         const struct vec3 next = pose_apply(end, v3(front, 0, 0.03));
         add_line(out, view, last, next, arrow_color);
         last = next;
     }
-    const double back = o->command.speed < 0 ? 0.12 : -0.12;
+    const double back = overlay->command.speed < 0 ? 0.12 : -0.12;
     add_line(out, view, last, pose_apply(end, v3(front + back, 0.08, 0.03)), arrow_color);
     add_line(out, view, last, pose_apply(end, v3(front + back, -0.08, 0.03)), arrow_color);
 }
 
 // Digits, '.', 'm', 's', 'c' and the letters of the warning, 3 x 5, rows from the top, the left pixel the highest bit.
-static uint16_t glyph(char c)
+static uint16_t glyph_rows(char c)
 {
     static const struct {
         char c;
@@ -223,52 +230,52 @@ static void add_text(struct overlay_shapes *out, int x, int y, int scale, const 
              &(struct overlay_rect){x - scale, y - scale, length * step + scale, (GLYPH_HEIGHT + 2) * scale, 0, 35});
     for (; *text; text++, x += step)
         for (int k = 0; k < GLYPH_WIDTH * GLYPH_HEIGHT; k++)
-            if (glyph(*text) >> (GLYPH_WIDTH * GLYPH_HEIGHT - 1 - k) & 1)
+            if (glyph_rows(*text) >> (GLYPH_WIDTH * GLYPH_HEIGHT - 1 - k) & 1)
                 add_rect(out, &(struct overlay_rect){x + k % GLYPH_WIDTH * scale, y + k / GLYPH_WIDTH * scale, scale,
                                                      scale, 255, 100});
 }
 
-static void draw_rect(struct surround_view *view, const struct overlay_rect *r)
+static void draw_rect(struct surround_view *view, const struct overlay_rect *rect)
 {
-    const uint8_t color[3] = {r->grey, r->grey, r->grey};
-    for (int y = r->y; y < r->y + r->height; y++)
-        for (int x = r->x; x < r->x + r->width; x++)
-            tint(view, x, y, color, r->percent);
+    const uint8_t color[3] = {rect->grey, rect->grey, rect->grey};
+    for (int y = rect->y; y < rect->y + rect->height; y++)
+        for (int x = rect->x; x < rect->x + rect->width; x++)
+            tint_pixel(view, x, y, color, rect->percent);
 }
 
 void operator_overlay_shapes(struct overlay_shapes *out, const struct surround_view *view,
-                             const struct operator_overlay *o, const struct nearest_thing *thing)
+                             const struct operator_overlay *overlay, const struct nearest_thing *thing)
 {
     const int scale = view->lens.width < 400 ? 1 : view->lens.width / 200;
     char text[32];
     out->line_count = out->rect_count = 0;
-    add_path(out, view, o);
-    add_edges(out, view, o);
-    add_heading(out, view, o);
-    add_arrow(out, view, o);
+    add_path(out, view, overlay);
+    add_edges(out, view, overlay);
+    add_heading(out, view, overlay);
+    add_arrow(out, view, overlay);
     if (thing) {
         double x, y, z;
         const struct vec3 at = v3(thing->at[0], thing->at[1], thing->at[2]);
         add_line(out, view, v3(thing->from[0], thing->from[1], thing->from[2]), at,
                  overlay_warning_color(overlay_warning_of(thing->distance_m)));
         snprintf(text, sizeof text, "%.2f m", thing->distance_m);
-        if (!o->wordless && project(view, at, &x, &y, &z) && fabs(x) < 1e5 && fabs(y) < 1e5)
+        if (!overlay->wordless && project_point(view, at, &x, &y, &z) && fabs(x) < 1e5 && fabs(y) < 1e5)
             add_text(out, (int)x + 2 * scale, (int)y, scale, text);
     }
-    if (o->wordless)
+    if (overlay->wordless)
         return;
-    snprintf(text, sizeof text, "%.1f s", o->age_s < 9999 ? o->age_s : 9999);
+    snprintf(text, sizeof text, "%.1f s", overlay->age_s < 9999 ? overlay->age_s : 9999);
     add_text(out, 2 * scale, 2 * scale, scale, text);
-    if (o->link_lost)
+    if (overlay->link_lost)
         add_text(out, view->lens.width / 2 - 18 * scale, view->lens.height / 2, scale, "LINK LOST");
 }
 
-void operator_overlay_draw(struct surround_view *view, const struct operator_overlay *o,
+void operator_overlay_draw(struct surround_view *view, const struct operator_overlay *overlay,
                            const struct nearest_thing *thing)
 {
     struct overlay_shapes shapes;
-    operator_overlay_shapes(&shapes, view, o, thing);
-    draw_body(view, o);
+    operator_overlay_shapes(&shapes, view, overlay, thing);
+    draw_body(view, overlay);
     for (int i = 0; i < shapes.line_count; i++)
         draw_line(view, &shapes.lines[i]);
     for (int i = 0; i < shapes.rect_count; i++)
@@ -276,7 +283,7 @@ void operator_overlay_draw(struct surround_view *view, const struct operator_ove
 }
 
 // A view at `eye` that looks at `target`; its y axis is as far down as can be.
-static struct pose look(struct vec3 eye, struct vec3 target, struct vec3 up)
+static struct pose look_at_pose(struct vec3 eye, struct vec3 target, struct vec3 up)
 {
     const struct vec3 z = v3_unit(v3_sub(target, eye)), x = v3_unit(v3_cross(z, up)), y = v3_cross(z, x);
     double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
@@ -289,10 +296,11 @@ struct pose operator_viewpoint(enum viewpoint kind, struct pose world_from_body,
     const double height = size_m[2];
     switch (kind) {
     case VIEWPOINT_FIRST:
-        return look(pose_apply(world_from_body, v3(0, 0, height)), pose_apply(world_from_body, v3(2, 0, height - 0.5)),
-                    up);
+        return look_at_pose(pose_apply(world_from_body, v3(0, 0, height)),
+                            pose_apply(world_from_body, v3(2, 0, height - 0.5)), up);
     case VIEWPOINT_ABOVE:
-        return look(pose_apply(world_from_body, v3(0, 0, height + 1)), pose_apply(world_from_body, v3(0, 0, 0)), ahead);
+        return look_at_pose(pose_apply(world_from_body, v3(0, 0, height + 1)), pose_apply(world_from_body, v3(0, 0, 0)),
+                            ahead);
     default: return operator_orbit(world_from_body, 0, PI / 4, 2);
     }
 }
@@ -302,5 +310,5 @@ struct pose operator_orbit(struct pose world_from_body, double azimuth, double e
     const double c = portable_cos(elevation), height = portable_sin(elevation) * distance_m;
     const struct vec3 eye =
         v3(-portable_cos(azimuth) * c * distance_m, -portable_sin(azimuth) * c * distance_m, height);
-    return look(pose_apply(world_from_body, eye), pose_apply(world_from_body, v3(0, 0, 0.3)), v3(0, 0, 1));
+    return look_at_pose(pose_apply(world_from_body, eye), pose_apply(world_from_body, v3(0, 0, 0.3)), v3(0, 0, 1));
 }

@@ -58,8 +58,8 @@ const uint8_t *overlay_warning_color(enum overlay_warning warning);
 
 // thing NULL: no line.
 void operator_overlay_shapes(struct overlay_shapes *out, const struct surround_view *view,
-                             const struct operator_overlay *o, const struct nearest_thing *thing);
-void operator_overlay_draw(struct surround_view *view, const struct operator_overlay *o,
+                             const struct operator_overlay *overlay, const struct nearest_thing *thing);
+void operator_overlay_draw(struct surround_view *view, const struct operator_overlay *overlay,
                            const struct nearest_thing *thing);
 
 // Viewpoints. First person: at the head, looking ahead. Third person: behind and above. Above: straight down.

@@ -4,22 +4,22 @@
 
 // ---------------------------------------------------------------- head tracker
 
-struct pose head_tracker_eye(struct head_tracker *t, struct pose place_from_camera, struct vec3 viewpoint)
+struct pose head_tracker_eye(struct head_tracker *tracker, struct pose place_from_camera, struct vec3 viewpoint)
 {
-    if (!t->centred) {
+    if (!tracker->centred) {
         // Looking straight up or down, the top or bottom of the picture says which way
         struct vec3 ahead = quat_rotate(place_from_camera.rotation, v3(0, 0, 1));
         if (ahead.x * ahead.x + ahead.y * ahead.y < 0.02)
             ahead = quat_rotate(place_from_camera.rotation, v3(0, ahead.z > 0 ? 1 : -1, 0));
         const double length = sqrt(ahead.x * ahead.x + ahead.y * ahead.y);
-        t->c = length > 0 ? ahead.x / length : 1;
-        t->s = length > 0 ? ahead.y / length : 0;
-        t->origin = place_from_camera.translation;
-        t->centred = true;
+        tracker->c = length > 0 ? ahead.x / length : 1;
+        tracker->s = length > 0 ? ahead.y / length : 0;
+        tracker->origin = place_from_camera.translation;
+        tracker->centred = true;
     }
-    double back[3][3] = {{t->c, t->s, 0}, {-t->s, t->c, 0}, {0, 0, 1}};
+    double back[3][3] = {{tracker->c, tracker->s, 0}, {-tracker->s, tracker->c, 0}, {0, 0, 1}};
     const struct quat turn = quat_from_matrix(back);
-    const struct vec3 moved = v3_sub(place_from_camera.translation, t->origin);
+    const struct vec3 moved = v3_sub(place_from_camera.translation, tracker->origin);
     return (struct pose){quat_multiply(turn, place_from_camera.rotation), v3_add(viewpoint, quat_rotate(turn, moved))};
 }
 
@@ -27,26 +27,26 @@ struct pose head_tracker_eye(struct head_tracker *t, struct pose place_from_came
 
 #define FINEST_M 0.05 // chosen by hand: of a path of up to 12 m nothing is left out
 
-void drive_path_add(struct drive_path *p, struct vec3 at)
+void drive_path_add(struct drive_path *path, struct vec3 at)
 {
-    if (!p->count)
-        p->spacing_m = FINEST_M;
-    else if (!(v3_distance(p->at[p->count - 1], at) >= p->spacing_m)) // NaN, too
+    if (!path->count)
+        path->spacing_m = FINEST_M;
+    else if (!(v3_distance(path->at[path->count - 1], at) >= path->spacing_m)) // NaN, too
         return;
-    if (p->count == DRIVE_PATH_POINTS) {
-        p->count = DRIVE_PATH_POINTS / 2;
-        p->spacing_m *= 2;
-        for (int i = 0; i < p->count; i++)
-            p->at[i] = p->at[2 * i];
+    if (path->count == DRIVE_PATH_POINTS) {
+        path->count = DRIVE_PATH_POINTS / 2;
+        path->spacing_m *= 2;
+        for (int i = 0; i < path->count; i++)
+            path->at[i] = path->at[2 * i];
     }
-    p->at[p->count++] = at;
+    path->at[path->count++] = at;
 }
 
 // ---------------------------------------------------------------- robot motion
 
-struct pose robot_motion_after(struct pose world_from_body, struct drive_command c, double seconds)
+struct pose robot_motion_after(struct pose world_from_body, struct drive_command command, double seconds)
 {
-    const double turn = c.turn_rate * seconds, way = c.speed * seconds;
+    const double turn = command.turn_rate * seconds, way = command.speed * seconds;
     // sin(t) / t and (1 - cos(t)) / t
     const double along = fabs(turn) > 1e-6 ? portable_sin(turn) / turn : 1;
     const double aside = fabs(turn) > 1e-6 ? (1 - portable_cos(turn)) / turn : turn / 2;

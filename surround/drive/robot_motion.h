@@ -17,7 +17,7 @@ struct head_tracker {
 // place_from_camera: axes x right, y down, z ahead; the place's z is up. viewpoint: where the eye is in the body's axes
 // (x ahead, y left, z up) with the tablet at its origin. The first call, and the first after `centred` is cleared,
 // centres. Returns body_from_eye, the eye's axes as the camera's.
-struct pose head_tracker_eye(struct head_tracker *t, struct pose place_from_camera, struct vec3 viewpoint);
+struct pose head_tracker_eye(struct head_tracker *tracker, struct pose place_from_camera, struct vec3 viewpoint);
 
 // ---------------------------------------------------------------- drive path
 
@@ -32,7 +32,7 @@ struct drive_path {                    // zeroed: empty
     double spacing_m; // least distance between neighbours
 };
 
-void drive_path_add(struct drive_path *p, struct vec3 at);
+void drive_path_add(struct drive_path *path, struct vec3 at);
 
 // ---------------------------------------------------------------- robot motion
 
@@ -42,7 +42,7 @@ struct drive_command {
 };
 
 // The pose after `seconds` of a constant command: an arc.
-struct pose robot_motion_after(struct pose world_from_body, struct drive_command c, double seconds);
+struct pose robot_motion_after(struct pose world_from_body, struct drive_command command, double seconds);
 
 // A link with delay and loss. Whether packet `number` arrives is a fixed function of the number and the seed.
 struct drive_link {

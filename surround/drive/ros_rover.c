@@ -23,48 +23,48 @@ enum status ros_rover_open(struct ros_rover *r, const char *master, const char *
     return status;
 }
 
-void ros_rover_close(struct ros_rover *r)
+void ros_rover_close(struct ros_rover *rover)
 {
-    if (r->link)
-        ros_robot_command(r->link, 0, 0);
-    ros_robot_close(&r->link);
-    surroundings_close(&r->surroundings);
-    surround_set_free(&r->rig);
+    if (rover->link)
+        ros_robot_command(rover->link, 0, 0);
+    ros_robot_close(&rover->link);
+    surroundings_close(&rover->surroundings);
+    surround_set_free(&rover->rig);
     for (int i = 0; i < ROS_IMAGE_TOPICS; i++)
-        free(r->newest[i].pixels);
-    *r = (struct ros_rover){0};
+        free(rover->newest[i].pixels);
+    *rover = (struct ros_rover){0};
 }
 
 // Width and height that the calibration gives a topic's images; false: it is not used.
-static bool expected_size(const struct ros_rover *r, enum ros_topic topic, int size[2])
+static bool expected_size(const struct ros_rover *rover, enum ros_topic topic, int size[2])
 {
     const struct lens *lens =
-        topic == ROS_PANORAMA ? &r->rig.panorama_lens : &r->rig.depth_cameras[topic - ROS_DEPTH_FRONT].lens;
+        topic == ROS_PANORAMA ? &rover->rig.panorama_lens : &rover->rig.depth_cameras[topic - ROS_DEPTH_FRONT].lens;
     size[0] = lens->width;
     size[1] = lens->height;
     return lens->width > 0;
 }
 
 // Where an image was taken; false: nothing says it (yet).
-static bool place_image(struct ros_rover *r, const struct ros_image *image, struct pose *out)
+static bool place_image(struct ros_rover *rover, const struct ros_image *image, struct pose *out)
 {
     static const char *const names[ROS_IMAGE_TOPICS] = {"panorama", "depth_front", "depth_left", "depth_back",
                                                         "depth_right"};
     const bool is_panorama = image->topic == ROS_PANORAMA;
-    const struct depth_camera *camera = &r->rig.depth_cameras[is_panorama ? 0 : image->topic - ROS_DEPTH_FRONT];
-    const bool calibrated = is_panorama ? r->rig.panorama_placed : camera->placed;
+    const struct depth_camera *camera = &rover->rig.depth_cameras[is_panorama ? 0 : image->topic - ROS_DEPTH_FRONT];
+    const bool calibrated = is_panorama ? rover->rig.panorama_placed : camera->placed;
     *out = image->body_from_camera;
     if (calibrated)
-        *out = is_panorama ? r->rig.body_from_panorama : camera->body_from_camera;
+        *out = is_panorama ? rover->rig.body_from_panorama : camera->body_from_camera;
     if (calibrated || image->placed)
         return true;
-    if (!r->unplaced_ns)
-        r->unplaced_ns = r->now_ns;
-    if (r->now_ns - r->unplaced_ns > UNPLACED_NS)
-        failure_keep(&r->failure, fail(ERR_INPUT,
-                                       "nothing says where the camera of %s is: the calibration has no "
-                                       "body_from_camera for it, and tf does not know its images' frame_id",
-                                       names[image->topic]));
+    if (!rover->unplaced_ns)
+        rover->unplaced_ns = rover->now_ns;
+    if (rover->now_ns - rover->unplaced_ns > UNPLACED_NS)
+        failure_keep(&rover->failure, fail(ERR_INPUT,
+                                           "nothing says where the camera of %s is: the calibration has no "
+                                           "body_from_camera for it, and tf does not know its images' frame_id",
+                                           names[image->topic]));
     return false;
 }
 
@@ -118,83 +118,84 @@ static void on_odometry(void *self, int64_t time_ns, const struct pose *world_fr
     r->odometry[r->odometry_count++] = (struct timed_pose){.time_ns = time_ns, .pose = *world_from_body};
 }
 
-static struct pose odometry_at(const struct ros_rover *r, int64_t time_ns)
+static struct pose odometry_at(const struct ros_rover *rover, int64_t time_ns)
 {
-    return pose_list_at(r->odometry, r->odometry_count, time_ns);
+    return pose_list_at(rover->odometry, rover->odometry_count, time_ns);
 }
 
 // Whether the newest panorama can be captured: the odometry reaches past it, and every depth camera that still speaks
 // has an image of its instant.
-static bool is_complete(const struct ros_rover *r)
+static bool is_complete(const struct ros_rover *rover)
 {
-    const int64_t at = r->newest[ROS_PANORAMA].time_ns;
-    if (!r->newest[ROS_PANORAMA].pixels || at <= r->captured_ns || !r->odometry_count || r->odometry[0].time_ns > at ||
-        r->odometry[r->odometry_count - 1].time_ns < at)
+    const int64_t at = rover->newest[ROS_PANORAMA].time_ns;
+    if (!rover->newest[ROS_PANORAMA].pixels || at <= rover->captured_ns || !rover->odometry_count ||
+        rover->odometry[0].time_ns > at || rover->odometry[rover->odometry_count - 1].time_ns < at)
         return false;
     int with_depth = 0;
     for (int c = 0; c < SURROUND_DEPTH_CAMERAS; c++) {
         const int topic = ROS_DEPTH_FRONT + c;
-        const int64_t apart = r->newest[topic].time_ns - at;
-        if (!r->rig.depth_cameras[c].lens.width || !r->newest[topic].pixels || apart < -SILENT_NS)
+        const int64_t apart = rover->newest[topic].time_ns - at;
+        if (!rover->rig.depth_cameras[c].lens.width || !rover->newest[topic].pixels || apart < -SILENT_NS)
             continue;
-        if (apart < -TOGETHER_NS || apart > TOGETHER_NS || apart > r->odometry[r->odometry_count - 1].time_ns - at)
+        if (apart < -TOGETHER_NS || apart > TOGETHER_NS ||
+            apart > rover->odometry[rover->odometry_count - 1].time_ns - at)
             return false;
         with_depth++;
     }
     return with_depth > 0;
 }
 
-static enum status capture(struct ros_rover *r)
+static enum status capture_surroundings(struct ros_rover *rover)
 {
-    const int64_t at = r->newest[ROS_PANORAMA].time_ns;
-    const struct pose odometry = odometry_at(r, at);
+    const int64_t at = rover->newest[ROS_PANORAMA].time_ns;
+    const struct pose odometry = odometry_at(rover, at);
     struct depth_points points = {0};
     struct surround_picture picture;
-    uint8_t *rgb = r->newest[ROS_PANORAMA].pixels;
-    const bool perspective = r->rig.panorama_lens.width > 0;
-    struct lens ideal = r->rig.panorama_lens;
+    uint8_t *rgb = rover->newest[ROS_PANORAMA].pixels;
+    const bool perspective = rover->rig.panorama_lens.width > 0;
+    struct lens ideal = rover->rig.panorama_lens;
     enum status status = OK;
     for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
-        const struct depth_camera *camera = &r->rig.depth_cameras[c];
+        const struct depth_camera *camera = &rover->rig.depth_cameras[c];
         const int topic = ROS_DEPTH_FRONT + c;
-        const int64_t time_ns = r->newest[topic].time_ns;
-        if (!camera->lens.width || !r->newest[topic].pixels || time_ns < at - TOGETHER_NS)
+        const int64_t time_ns = rover->newest[topic].time_ns;
+        if (!camera->lens.width || !rover->newest[topic].pixels || time_ns < at - TOGETHER_NS)
             continue;
-        const struct pose moved = pose_multiply(pose_inverse(odometry), odometry_at(r, time_ns));
-        status = depth_points_add(&points, r->newest[topic].pixels, &camera->lens,
-                                  pose_multiply(moved, r->newest[topic].body_from_camera), DEPTH_STEP);
+        const struct pose moved = pose_multiply(pose_inverse(odometry), odometry_at(rover, time_ns));
+        status = depth_points_add(&points, rover->newest[topic].pixels, &camera->lens,
+                                  pose_multiply(moved, rover->newest[topic].body_from_camera), DEPTH_STEP);
     }
     if (status == OK && perspective)
         status = surround_image_undistort(rgb, &ideal);
     if (status == OK) {
-        r->newest[ROS_PANORAMA].pixels = NULL; // the picture's from here
-        status =
-            surround_picture_make(&picture, rgb, r->panorama_width, r->panorama_height, perspective ? &ideal : NULL);
+        rover->newest[ROS_PANORAMA].pixels = NULL; // the picture's from here
+        status = surround_picture_make(&picture, rgb, rover->panorama_width, rover->panorama_height,
+                                       perspective ? &ideal : NULL);
     }
     if (status == OK) {
         picture.time_ns = at;
-        if (!r->surroundings.any_taken)
-            surroundings_place_panorama(&r->surroundings, r->newest[ROS_PANORAMA].body_from_camera);
-        status = surroundings_take(&r->surroundings, &picture, &points, odometry);
-        r->captured_ns = at;
+        if (!rover->surroundings.any_taken)
+            surroundings_place_panorama(&rover->surroundings, rover->newest[ROS_PANORAMA].body_from_camera);
+        status = surroundings_take(&rover->surroundings, &picture, &points, odometry);
+        rover->captured_ns = at;
     }
     depth_points_free(&points);
     return status;
 }
 
-static void send(struct ros_rover *r, const struct drive_command *command)
+static void send_command(struct ros_rover *rover, const struct drive_command *command)
 {
-    const bool lost = !r->heard || r->now_ns - r->heard_ns > r->patience_ns;
-    r->interrupted |= ros_robot_interrupted(r->link);
-    r->stopped |= lost || r->interrupted;
-    r->lost = lost;
+    const bool lost = !rover->heard || rover->now_ns - rover->heard_ns > rover->patience_ns;
+    rover->interrupted |= ros_robot_interrupted(rover->link);
+    rover->stopped |= lost || rover->interrupted;
+    rover->lost = lost;
     if (command && !lost && command->speed == 0 && command->turn_rate == 0)
-        r->stopped = r->interrupted = false;
+        rover->stopped = rover->interrupted = false;
     const struct drive_command none = {0, 0};
     if (!command && !lost)
         return;
-    r->command = r->stopped || !command ? none : *command;
-    ros_robot_command(r->link, r->command.speed, r->command.turn_rate);
+    rover->command = rover->stopped || !command ? none : *command;
+    ros_robot_command(rover->link, rover->command.speed, rover->command.turn_rate);
 }
 
 enum status ros_rover_step(struct ros_rover *r, int64_t now_ns, const struct drive_command *command)
@@ -202,26 +203,26 @@ enum status ros_rover_step(struct ros_rover *r, int64_t now_ns, const struct dri
     const struct ros_receiver to = {r, on_image, on_odometry};
     r->now_ns = now_ns;
     enum status status = ros_robot_poll(r->link, &to);
-    send(r, command);
+    send_command(r, command);
     if (status == OK)
         status = failure_restore(&r->failure);
     if (status == OK && is_complete(r) &&
         surroundings_wants(&r->surroundings, odometry_at(r, r->newest[ROS_PANORAMA].time_ns),
                            r->newest[ROS_PANORAMA].time_ns - r->captured_ns))
-        status = capture(r);
+        status = capture_surroundings(r);
     return status;
 }
 
-struct pose ros_rover_pose(const struct ros_rover *r)
+struct pose ros_rover_pose(const struct ros_rover *rover)
 {
-    if (!r->odometry_count)
+    if (!rover->odometry_count)
         return POSE_IDENTITY;
-    return surroundings_bridge(&r->surroundings, r->odometry[r->odometry_count - 1].pose);
+    return surroundings_bridge(&rover->surroundings, rover->odometry[rover->odometry_count - 1].pose);
 }
 
-double ros_rover_age_s(const struct ros_rover *r)
+double ros_rover_age_s(const struct ros_rover *rover)
 {
-    return r->captured_ns ? (double)(r->now_ns - r->behind_ns - r->captured_ns) * 1e-9 : 0;
+    return rover->captured_ns ? (double)(rover->now_ns - rover->behind_ns - rover->captured_ns) * 1e-9 : 0;
 }
 
-double ros_rover_silent_s(const struct ros_rover *r) { return (double)(r->now_ns - r->seen_ns) * 1e-9; }
+double ros_rover_silent_s(const struct ros_rover *rover) { return (double)(rover->now_ns - rover->seen_ns) * 1e-9; }

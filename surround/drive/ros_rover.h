@@ -39,13 +39,13 @@ struct ros_rover {
 // surround_rig_read's.
 MUST_CHECK enum status ros_rover_open(struct ros_rover *r, const char *master, const char *const *remap,
                                       const char *calibration, double patience_s);
-void ros_rover_close(struct ros_rover *r); // what was zeroed, too. The robot is sent a stop
+void ros_rover_close(struct ros_rover *rover); // what was zeroed, too. The robot is sent a stop
 
 // Takes what has arrived and sends a command; NULL: none, after which a robot with a watchdog stops. ERR_INPUT: an
 // image is not of the calibration's size, or for ten seconds nothing has said where a camera is. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status ros_rover_step(struct ros_rover *r, int64_t now_ns, const struct drive_command *command);
 
-struct pose ros_rover_pose(const struct ros_rover *r); // as the operator's side believes; the identity before any
+struct pose ros_rover_pose(const struct ros_rover *rover); // as the operator's side believes; the identity before any
 // How old the newest capture is, but for the least delay of the link; 0 before the first.
-double ros_rover_age_s(const struct ros_rover *r);
-double ros_rover_silent_s(const struct ros_rover *r); // since the last panorama came, or the start
+double ros_rover_age_s(const struct ros_rover *rover);
+double ros_rover_silent_s(const struct ros_rover *rover); // since the last panorama came, or the start

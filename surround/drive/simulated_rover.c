@@ -60,42 +60,42 @@ enum status simulated_rover_open(struct simulated_rover *r, const struct box_wor
     return status == OK ? simulated_rover_step(r, (struct drive_command){0, 0}, 0) : status;
 }
 
-void simulated_rover_close(struct simulated_rover *r) { surroundings_close(&r->surroundings); }
+void simulated_rover_close(struct simulated_rover *rover) { surroundings_close(&rover->surroundings); }
 
-static enum status depth_of(struct simulated_rover *r, struct depth_points *points)
+static enum status depth_of(struct simulated_rover *rover, struct depth_points *points)
 {
-    const struct rover_options *how = &r->how;
+    const struct rover_options *how = &rover->how;
     const struct lens lens = rover_depth_lens(how);
     uint16_t *depth = malloc((size_t)lens.width * (size_t)lens.height * sizeof *depth);
     enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for the simulated robot");
     for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
         const struct pose at = rover_depth_camera(c);
-        const uint32_t seed = how->seed * 2654435761u + (uint32_t)(4 * r->surroundings.taken + c) + 1;
-        box_world_depth(&r->world, pose_multiply(r->world_from_body, at), &lens, ROVER_RANGE_M, seed, depth);
+        const uint32_t seed = how->seed * 2654435761u + (uint32_t)(4 * rover->surroundings.taken + c) + 1;
+        box_world_depth(&rover->world, pose_multiply(rover->world_from_body, at), &lens, ROVER_RANGE_M, seed, depth);
         status = depth_points_add(points, depth, &lens, at, 1);
     }
     free(depth);
     return status;
 }
 
-static enum status capture(struct simulated_rover *r)
+static enum status capture_surroundings(struct simulated_rover *rover)
 {
-    const int height = r->how.panorama_height, width = 2 * height;
-    struct surroundings *s = &r->surroundings;
+    const int height = rover->how.panorama_height, width = 2 * height;
+    struct surroundings *s = &rover->surroundings;
     struct depth_points points = {0};
     struct surround_picture picture;
     uint8_t *rgb = malloc((size_t)width * (size_t)height * 3);
     enum status status = rgb ? OK : fail(ERR_MEMORY, "no memory for the simulated robot");
     if (status != OK)
         return status;
-    box_world_panorama(&r->world, pose_multiply(r->world_from_body, s->body_from_panorama), width, height, rgb);
+    box_world_panorama(&rover->world, pose_multiply(rover->world_from_body, s->body_from_panorama), width, height, rgb);
     status = surround_picture_make(&picture, rgb, width, height, NULL);
     if (status != OK)
         return status;
-    picture.time_ns = r->captured_ns = r->time_ns;
-    status = depth_of(r, &points);
+    picture.time_ns = rover->captured_ns = rover->time_ns;
+    status = depth_of(rover, &points);
     if (status == OK)
-        status = surroundings_take(s, &picture, &points, r->odometry);
+        status = surroundings_take(s, &picture, &points, rover->odometry);
     else
         surround_picture_free(&picture);
     depth_points_free(&points);
@@ -116,13 +116,13 @@ enum status simulated_rover_step(struct simulated_rover *r, struct drive_command
         r->odometry = robot_motion_after(r->odometry, reported, seconds);
     }
     if (surroundings_wants(&r->surroundings, r->odometry, r->time_ns - r->captured_ns))
-        return capture(r);
+        return capture_surroundings(r);
     return OK;
 }
 
-struct pose simulated_rover_pose(const struct simulated_rover *r)
+struct pose simulated_rover_pose(const struct simulated_rover *rover)
 {
-    return surroundings_bridge(&r->surroundings, r->odometry);
+    return surroundings_bridge(&rover->surroundings, rover->odometry);
 }
 
 enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_from_view)
@@ -130,9 +130,9 @@ enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_fr
     return surroundings_draw(&r->surroundings, world_from_view);
 }
 
-static void add_box(struct box_world *w, const double low[3], const double high[3], uint32_t color, bool inside)
+static void add_box(struct box_world *world, const double low[3], const double high[3], uint32_t color, bool inside)
 {
-    struct box *b = &w->boxes[w->count++];
+    struct box *b = &world->boxes[world->count++];
     memcpy(b->low, low, sizeof b->low);
     memcpy(b->high, high, sizeof b->high);
     for (int c = 0; c < 3; c++)

@@ -68,7 +68,7 @@ enum status filmed_room_set_lens(struct surroundings *room, const struct lens *v
     return surround_view_open(&room->view, view);
 }
 
-enum status filmed_room_trim(struct surroundings *room, struct pose world_from_view, int most)
+enum status filmed_room_trim(struct surroundings *room, struct pose world_from_view, int max)
 {
     const struct surround_picture **ranked = malloc((size_t)(room->taken + 1) * sizeof *ranked);
     if (!ranked)
@@ -77,8 +77,8 @@ enum status filmed_room_trim(struct surroundings *room, struct pose world_from_v
     for (int i = 0; i < room->taken; i++)
         if (room->pictures[i].inverse)
             ranked[count++] = &room->pictures[i];
-    const enum status status = count > most ? surround_view_rank(world_from_view, ranked, count) : OK;
-    for (int i = most; i < count && status == OK; i++) {
+    const enum status status = count > max ? surround_view_rank(world_from_view, ranked, count) : OK;
+    for (int i = max; i < count && status == OK; i++) {
         const ptrdiff_t at = ranked[i] - room->pictures;
         free(room->pictures[at].inverse);
         free(room->pictures[at].joined);

@@ -16,6 +16,6 @@ MUST_CHECK enum status filmed_room_open(struct surroundings *room, const struct 
 // Draws another size or lens from now on. ERR_MEMORY: nothing can be drawn until the next success.
 MUST_CHECK enum status filmed_room_set_lens(struct surroundings *room, const struct lens *view);
 
-// Frees the depth of pictures beyond the `most` that are nearest to the viewpoint, as surroundings_draw ranks them; it
+// Frees the depth of pictures beyond the `max` that are nearest to the viewpoint, as surroundings_draw ranks them; it
 // is made again when needed. ERR_MEMORY.
-MUST_CHECK enum status filmed_room_trim(struct surroundings *room, struct pose world_from_view, int most);
+MUST_CHECK enum status filmed_room_trim(struct surroundings *room, struct pose world_from_view, int max);

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DEPTH_STEP = 4, MOST_QUADS = OVERLAY_LINES + OVERLAY_RECTS };
+enum { DEPTH_STEP = 4, MAX_QUADS = OVERLAY_LINES + OVERLAY_RECTS };
 static const double LOW_M = 0.1; // what is lower is floor
 
 struct operator_picture {
@@ -16,8 +16,8 @@ struct operator_picture {
     struct gpu_draw2d *draw;
     struct gpu_texture *white;
     struct surround_view depth; // of the image before, every DEPTH_STEP-th pixel
-    struct gpu_draw2d_vertex vertices[4 * MOST_QUADS];
-    uint16_t indices[6 * MOST_QUADS];
+    struct gpu_draw2d_vertex vertices[4 * MAX_QUADS];
+    uint16_t indices[6 * MAX_QUADS];
     int quads;
 };
 
@@ -53,7 +53,7 @@ void operator_picture_close(struct operator_picture **out)
 }
 
 // All of the session's picture, and more at the sides where the other is wider.
-static struct lens fitted(const struct lens *of, int width, int height)
+static struct lens fit_lens(const struct lens *of, int width, int height)
 {
     const double scale = fmin((double)width / of->width, (double)height / of->height);
     return (struct lens){.width = width,
@@ -66,9 +66,9 @@ static struct lens fitted(const struct lens *of, int width, int height)
 
 // ---------------------------------------------------------------- the overlay
 
-static void add_quad(struct operator_picture *o, const double at[4][2], const uint8_t color[3], int percent)
+static void add_quad(struct operator_picture *picture, const double at[4][2], const uint8_t color[3], int percent)
 {
-    struct gpu_draw2d_vertex *v = &o->vertices[4 * o->quads];
+    struct gpu_draw2d_vertex *v = &picture->vertices[4 * picture->quads];
     static const uint16_t order[6] = {0, 1, 2, 0, 2, 3};
     for (int k = 0; k < 4; k++)
         v[k] = (struct gpu_draw2d_vertex){(float)at[k][0],
@@ -77,53 +77,54 @@ static void add_quad(struct operator_picture *o, const double at[4][2], const ui
                                           0.5f,
                                           {color[0], color[1], color[2], (uint8_t)(percent * 255 / 100)}};
     for (int k = 0; k < 6; k++)
-        o->indices[6 * o->quads + k] = (uint16_t)(4 * o->quads + order[k]);
-    o->quads++;
+        picture->indices[6 * picture->quads + k] = (uint16_t)(4 * picture->quads + order[k]);
+    picture->quads++;
 }
 
 // Two pixels wide.
-static void add_line(struct operator_picture *o, const struct overlay_line *l)
+static void add_line(struct operator_picture *picture, const struct overlay_line *line)
 {
-    const double dx = l->bx - l->ax, dy = l->by - l->ay, length = sqrt(dx * dx + dy * dy) + 1e-9;
+    const double dx = line->bx - line->ax, dy = line->by - line->ay, length = sqrt(dx * dx + dy * dy) + 1e-9;
     const double x = -dy / length, y = dx / length;
-    const double at[4][2] = {{l->ax + x + 0.5, l->ay + y + 0.5},
-                             {l->bx + x + 0.5, l->by + y + 0.5},
-                             {l->bx - x + 0.5, l->by - y + 0.5},
-                             {l->ax - x + 0.5, l->ay - y + 0.5}};
-    add_quad(o, at, l->color, OVERLAY_LINE_PERCENT);
+    const double at[4][2] = {{line->ax + x + 0.5, line->ay + y + 0.5},
+                             {line->bx + x + 0.5, line->by + y + 0.5},
+                             {line->bx - x + 0.5, line->by - y + 0.5},
+                             {line->ax - x + 0.5, line->ay - y + 0.5}};
+    add_quad(picture, at, line->color, OVERLAY_LINE_PERCENT);
 }
 
-static void add_rect(struct operator_picture *o, const struct overlay_rect *r)
+static void add_rect(struct operator_picture *picture, const struct overlay_rect *rect)
 {
-    const double right = r->x + r->width, bottom = r->y + r->height;
-    const double at[4][2] = {{r->x, r->y}, {right, r->y}, {right, bottom}, {r->x, bottom}};
-    const uint8_t color[3] = {r->grey, r->grey, r->grey};
-    add_quad(o, at, color, r->percent);
+    const double right = rect->x + rect->width, bottom = rect->y + rect->height;
+    const double at[4][2] = {{rect->x, rect->y}, {right, rect->y}, {right, bottom}, {rect->x, bottom}};
+    const uint8_t color[3] = {rect->grey, rect->grey, rect->grey};
+    add_quad(picture, at, color, rect->percent);
 }
 
-static enum status draw_overlay(struct operator_picture *o, const struct operator_overlay *overlay,
+static enum status draw_overlay(struct operator_picture *picture, const struct operator_overlay *overlay,
                                 const struct nearest_thing *thing)
 {
-    struct surround_renderer *r = o->renderer;
+    struct surround_renderer *r = picture->renderer;
     struct surround_view view = {.lens = r->lens, .world_from_view = r->world_from_view};
     struct overlay_shapes shapes;
     quat_to_matrix(r->world_from_view.rotation, view.axes);
     operator_overlay_shapes(&shapes, &view, overlay, thing);
-    o->quads = 0;
+    picture->quads = 0;
     for (int i = 0; i < shapes.line_count; i++)
-        add_line(o, &shapes.lines[i]);
+        add_line(picture, &shapes.lines[i]);
     for (int i = 0; i < shapes.rect_count; i++)
-        add_rect(o, &shapes.rects[i]);
+        add_rect(picture, &shapes.rects[i]);
     const float width = (float)r->lens.width, height = (float)r->lens.height;
-    const struct gpu_draw2d_batch batch = {o->white, 0, 0, width, height, 0, 0, 6 * o->quads};
-    const struct gpu_draw2d_list list = {o->vertices, o->indices, &batch, 4 * o->quads, 6 * o->quads, 1};
+    const struct gpu_draw2d_batch batch = {picture->white, 0, 0, width, height, 0, 0, 6 * picture->quads};
+    const struct gpu_draw2d_list list = {picture->vertices,  picture->indices,   &batch,
+                                         4 * picture->quads, 6 * picture->quads, 1};
     const struct gpu_draw2d_view to = {r->image, r->lens.width, r->lens.height, 0, NULL};
-    gpu_draw2d_begin(o->draw, &to);
-    gpu_draw2d_draw(o->draw, &list);
-    return gpu_draw2d_end(o->draw);
+    gpu_draw2d_begin(picture->draw, &to);
+    gpu_draw2d_draw(picture->draw, &list);
+    return gpu_draw2d_end(picture->draw);
 }
 
-static void tint_body(struct operator_picture *o, const struct operator_overlay *overlay)
+static void tint_body(struct operator_picture *picture, const struct operator_overlay *overlay)
 {
     const double *size = overlay->size_m;
     struct surround_box box = {.world_from_box = overlay->world_from_body,
@@ -132,7 +133,7 @@ static void tint_body(struct operator_picture *o, const struct operator_overlay 
                                .opacity = OVERLAY_BODY_PERCENT / 100.0};
     memcpy(box.color, overlay_body_color, sizeof box.color);
     if (size[0] > 0)
-        surround_renderer_tint(o->renderer, &box);
+        surround_renderer_tint(picture->renderer, &box);
 }
 
 enum status operator_picture_draw(struct operator_picture *o, struct drive_session *session, int width, int height,
@@ -144,7 +145,8 @@ enum status operator_picture_draw(struct operator_picture *o, struct drive_sessi
     enum status status = before < OK ? before : drive_session_prepare(session, &scene);
     if (status != OK)
         return status;
-    const struct surround_image image = {fitted(&scene.lens, width, height), scene.world_from_view, scene.how, true, 1};
+    const struct surround_image image = {fit_lens(&scene.lens, width, height), scene.world_from_view, scene.how, true,
+                                         1};
     status = surround_renderer_draw(o->renderer, &image, scene.pictures, scene.count, out);
     if (status != OK)
         return status;
@@ -155,8 +157,8 @@ enum status operator_picture_draw(struct operator_picture *o, struct drive_sessi
     return draw_overlay(o, &scene.overlay, session->near ? &thing : NULL);
 }
 
-void operator_picture_view(const struct operator_picture *o, struct lens *lens, struct pose *world_from_view)
+void operator_picture_view(const struct operator_picture *picture, struct lens *lens, struct pose *world_from_view)
 {
-    *lens = o->renderer->lens;
-    *world_from_view = o->renderer->world_from_view;
+    *lens = picture->renderer->lens;
+    *world_from_view = picture->renderer->world_from_view;
 }

@@ -14,4 +14,4 @@ void operator_picture_close(struct operator_picture **o); // NULL is fine
 MUST_CHECK enum status operator_picture_draw(struct operator_picture *o, struct drive_session *session, int width,
                                              int height, const struct gpu_texture **out);
 // Through which lens, and from where, the last one is seen.
-void operator_picture_view(const struct operator_picture *o, struct lens *lens, struct pose *world_from_view);
+void operator_picture_view(const struct operator_picture *picture, struct lens *lens, struct pose *world_from_view);

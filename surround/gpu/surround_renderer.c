@@ -14,7 +14,7 @@
 enum tint_uniform { TINT_LENS, BOX_FROM_VIEW, BOX, TINT, TINT_UNIFORMS };
 
 // The renderer's programs. ERR_DEVICE, ERR_MEMORY.
-static enum status surround_renderer_open_overlay(struct surround_renderer *r)
+static enum status surround_renderer_open_overlay(struct surround_renderer *renderer)
 {
     static const char *const tint_names[TINT_UNIFORMS] = {
         [TINT_LENS] = "view_lens", [BOX_FROM_VIEW] = "box_from_view", [BOX] = "box", [TINT] = "tint"};
@@ -26,12 +26,12 @@ static enum status surround_renderer_open_overlay(struct surround_renderer *r)
                                       .uniform_count = TINT_UNIFORMS,
                                       .samplers = samplers,
                                       .sampler_count = 1};
-    enum status status = gpu_program_open(&r->tint_program, r->gpu, &text);
+    enum status status = gpu_program_open(&renderer->tint_program, renderer->gpu, &text);
     text.name = "surround_sample";
     text.fragment = shader_find("surround_sample.frag");
     text.uniforms = sample_names;
     text.uniform_count = 1;
-    return status == OK ? gpu_program_open(&r->sample_program, r->gpu, &text) : status;
+    return status == OK ? gpu_program_open(&renderer->sample_program, renderer->gpu, &text) : status;
 }
 
 // Of the middle of each step x step pixels.
@@ -47,14 +47,14 @@ static struct lens sampled_lens(const struct lens *of, int step)
     return l;
 }
 
-static enum status fit_sample(struct surround_renderer *r, const struct lens *lens, struct surround_view *view)
+static enum status fit_sample(struct surround_renderer *renderer, const struct lens *lens, struct surround_view *view)
 {
     enum status status = OK;
-    if (!r->sample || lens->width != r->sample_width || lens->height != r->sample_height) {
-        gpu_target_close(&r->sample);
-        r->sample_width = lens->width;
-        r->sample_height = lens->height;
-        status = gpu_target_open_color(&r->sample, r->gpu, lens->width, lens->height);
+    if (!renderer->sample || lens->width != renderer->sample_width || lens->height != renderer->sample_height) {
+        gpu_target_close(&renderer->sample);
+        renderer->sample_width = lens->width;
+        renderer->sample_height = lens->height;
+        status = gpu_target_open_color(&renderer->sample, renderer->gpu, lens->width, lens->height);
     }
     if (status == OK && (!view->inverse_z || view->lens.width != lens->width || view->lens.height != lens->height)) {
         surround_view_close(view);
@@ -96,30 +96,32 @@ enum status surround_renderer_read_depth(struct surround_renderer *r, int step, 
 // ---------------------------------------------------------------- a box
 
 // The box's bounds in the image; all of it where the box reaches behind the eye.
-static struct gpu_box bounds_of(const struct surround_renderer *r, const struct surround_box *box)
+static struct gpu_box bounds_of(const struct surround_renderer *renderer, const struct surround_box *box)
 {
-    const struct pose view_from_box = pose_multiply(pose_inverse(r->world_from_view), box->world_from_box);
-    double left = r->lens.width, right = 0, top = r->lens.height, bottom = 0;
+    const struct pose view_from_box = pose_multiply(pose_inverse(renderer->world_from_view), box->world_from_box);
+    double left = renderer->lens.width, right = 0, top = renderer->lens.height, bottom = 0;
     for (int k = 0; k < 8; k++) {
         const double *x = k & 1 ? box->high : box->low, *y = k & 2 ? box->high : box->low;
         const double *z = k & 4 ? box->high : box->low;
         const struct vec3 c = pose_apply(view_from_box, v3(x[0], y[1], z[2]));
         if (c.z < VIEW_NEAREST_M)
             return (struct gpu_box){0};
-        const double u = r->lens.fx * c.x / c.z + r->lens.cx, v = r->lens.fy * c.y / c.z + r->lens.cy;
+        const double u = renderer->lens.fx * c.x / c.z + renderer->lens.cx,
+                     v = renderer->lens.fy * c.y / c.z + renderer->lens.cy;
         left = fmin(left, u), right = fmax(right, u);
         top = fmin(top, v), bottom = fmax(bottom, v);
     }
-    left = fmin(fmax(floor(left), 0), r->lens.width), top = fmin(fmax(floor(top), 0), r->lens.height);
-    right = fmin(ceil(right) + 1, r->lens.width), bottom = fmin(ceil(bottom) + 1, r->lens.height);
+    left = fmin(fmax(floor(left), 0), renderer->lens.width), top = fmin(fmax(floor(top), 0), renderer->lens.height);
+    right = fmin(ceil(right) + 1, renderer->lens.width), bottom = fmin(ceil(bottom) + 1, renderer->lens.height);
     return (struct gpu_box){(int)left, (int)top, (int)fmax(right - left, 1), (int)fmax(bottom - top, 1)};
 }
 
-void surround_renderer_tint(struct surround_renderer *r, const struct surround_box *box)
+void surround_renderer_tint(struct surround_renderer *renderer, const struct surround_box *box)
 {
-    const float lens[4] = {(float)r->lens.fx, (float)r->lens.fy, (float)r->lens.cx, (float)r->lens.cy};
+    const float lens[4] = {(float)renderer->lens.fx, (float)renderer->lens.fy, (float)renderer->lens.cx,
+                           (float)renderer->lens.cy};
     float rows[12], corners[8] = {0}, tint[4];
-    surround_rows_of(pose_multiply(pose_inverse(box->world_from_box), r->world_from_view), rows);
+    surround_rows_of(pose_multiply(pose_inverse(box->world_from_box), renderer->world_from_view), rows);
     for (int i = 0; i < 3; i++) {
         corners[i] = (float)box->low[i];
         corners[4 + i] = (float)box->high[i];
@@ -127,82 +129,84 @@ void surround_renderer_tint(struct surround_renderer *r, const struct surround_b
     }
     corners[3] = (float)VIEW_NEAREST_M;
     tint[3] = (float)box->opacity;
-    gpu_program_set(r->tint_program, TINT_LENS, lens, 1);
-    gpu_program_set(r->tint_program, BOX_FROM_VIEW, rows, 3);
-    gpu_program_set(r->tint_program, BOX, corners, 2);
-    gpu_program_set(r->tint_program, TINT, tint, 1);
-    gpu_draw(&(struct gpu_job){.target = r->image,
-                               .program = r->tint_program,
-                               .mesh = r->fullscreen,
-                               .textures = {gpu_target_texture(r->surface)},
+    gpu_program_set(renderer->tint_program, TINT_LENS, lens, 1);
+    gpu_program_set(renderer->tint_program, BOX_FROM_VIEW, rows, 3);
+    gpu_program_set(renderer->tint_program, BOX, corners, 2);
+    gpu_program_set(renderer->tint_program, TINT, tint, 1);
+    gpu_draw(&(struct gpu_job){.target = renderer->image,
+                               .program = renderer->tint_program,
+                               .mesh = renderer->fullscreen,
+                               .textures = {gpu_target_texture(renderer->surface)},
                                .blend = true,
-                               .within = bounds_of(r, box)});
+                               .within = bounds_of(renderer, box)});
 }
 
 // ---------------------------------------------------------------- picture store
 
-static void empty(struct stored_picture *p)
+static void empty_picture(struct stored_picture *picture)
 {
-    for (int i = 0; i < p->count; i++)
-        gpu_mesh_close(&p->pieces[i].mesh);
-    free(p->pieces);
-    *p = (struct stored_picture){0};
+    for (int i = 0; i < picture->count; i++)
+        gpu_mesh_close(&picture->pieces[i].mesh);
+    free(picture->pieces);
+    *picture = (struct stored_picture){0};
 }
 
 // what was zeroed, too
-static void picture_store_close(struct picture_store *s)
+static void picture_store_close(struct picture_store *store)
 {
-    for (int i = 0; i < s->layers && s->pictures; i++)
-        empty(&s->pictures[i]);
-    free(s->pictures);
-    gpu_texture_close(&s->colors);
-    gpu_texture_close(&s->depths);
-    gpu_texture_close(&s->ranges);
-    *s = (struct picture_store){.gpu = s->gpu, .now = s->now};
+    for (int i = 0; i < store->layers && store->pictures; i++)
+        empty_picture(&store->pictures[i]);
+    free(store->pictures);
+    gpu_texture_close(&store->colors);
+    gpu_texture_close(&store->depths);
+    gpu_texture_close(&store->ranges);
+    *store = (struct picture_store){.gpu = store->gpu, .now = store->now};
 }
 
-static enum status open_arrays(struct picture_store *s, int layers, int width, int height)
+static enum status open_arrays(struct picture_store *store, int layers, int width, int height)
 {
-    picture_store_close(s);
-    s->layers = layers;
-    s->width = width;
-    s->height = height;
-    s->pictures = calloc((size_t)layers, sizeof *s->pictures);
-    enum status status = s->pictures ? OK : fail(ERR_MEMORY, "no memory for the pictures on the graphics card");
+    picture_store_close(store);
+    store->layers = layers;
+    store->width = width;
+    store->height = height;
+    store->pictures = calloc((size_t)layers, sizeof *store->pictures);
+    enum status status = store->pictures ? OK : fail(ERR_MEMORY, "no memory for the pictures on the graphics card");
     if (status == OK)
-        status = gpu_texture_open_array(&s->colors, s->gpu,
+        status = gpu_texture_open_array(&store->colors, store->gpu,
                                         &(struct gpu_array_layout){GPU_ARRAY_RGB8, width, height, layers});
     if (status == OK)
-        status = gpu_texture_open_array(&s->depths, s->gpu,
+        status = gpu_texture_open_array(&store->depths, store->gpu,
                                         &(struct gpu_array_layout){GPU_ARRAY_R16F, width, height, layers});
     const struct gpu_array_layout half = {GPU_ARRAY_RG16F, (width + 1) / 2, (height + 1) / 2, layers};
     if (status == OK)
-        status = gpu_texture_open_array(&s->ranges, s->gpu, &half);
+        status = gpu_texture_open_array(&store->ranges, store->gpu, &half);
     if (status != OK)
-        picture_store_close(s);
+        picture_store_close(store);
     return status;
 }
 
 // Makes the arrays fit these pictures, which are of one size, all at a time; what is there is lost if they did not.
 // To be called before each image. ERR_DEVICE, ERR_MEMORY.
-static enum status picture_store_fit(struct picture_store *s, const struct surround_picture *const *pictures, int count)
+static enum status picture_store_fit(struct picture_store *store, const struct surround_picture *const *pictures,
+                                     int count)
 {
-    int layers = s->layers ? s->layers : 1;
-    s->now++;
+    int layers = store->layers ? store->layers : 1;
+    store->now++;
     while (layers < count) // doubled, so that growing is rare
         layers *= 2;
-    if (!count || (pictures[0]->width == s->width && pictures[0]->height == s->height && layers == s->layers))
+    if (!count ||
+        (pictures[0]->width == store->width && pictures[0]->height == store->height && layers == store->layers))
         return OK;
-    return open_arrays(s, layers, pictures[0]->width, pictures[0]->height);
+    return open_arrays(store, layers, pictures[0]->width, pictures[0]->height);
 }
 
 // The layer of a picture for the present image; -1: it is not there.
-static int picture_store_find(struct picture_store *s, int64_t depth_number)
+static int picture_store_find(struct picture_store *store, int64_t depth_number)
 {
     assert(depth_number);
-    for (int i = 0; i < s->layers; i++)
-        if (s->pictures[i].depth_number == depth_number) {
-            s->pictures[i].used = s->now;
+    for (int i = 0; i < store->layers; i++)
+        if (store->pictures[i].depth_number == depth_number) {
+            store->pictures[i].used = store->now;
             return i;
         }
     return -1;
@@ -211,51 +215,51 @@ static int picture_store_find(struct picture_store *s, int64_t depth_number)
 // ---------------------------------------------------------------- putting in
 
 // 1/m: has a sign in 16 bits, and counts as infinitely far in surround_surface.vert, whose tolerance is 1e-4.
-#define LEAST_SIGNED 6.2e-5f
+#define MIN_SIGNED 6.2e-5f
 
 // The pixel's number; negative: it is outside.
-static int64_t pixel_at(const struct surround_picture *p, int x, int y)
+static int64_t pixel_at(const struct surround_picture *picture, int x, int y)
 {
-    x = surround_picture_column(p, x);
-    return x < 0 || x >= p->width || y < 0 || y >= p->height ? -1 : (int64_t)y * p->width + x;
+    x = surround_picture_column(picture, x);
+    return x < 0 || x >= picture->width || y < 0 || y >= picture->height ? -1 : (int64_t)y * picture->width + x;
 }
 
 // Of each 2 x 2 pixels and those around them, so that it holds the 3 x 3 about each of the four.
-static void fill_ranges(const struct surround_picture *p, float (*out)[2])
+static void fill_ranges(const struct surround_picture *picture, float (*out)[2])
 {
-    for (int y = 0; y < p->height; y += 2)
-        for (int x = 0; x < p->width; x += 2, out++) {
+    for (int y = 0; y < picture->height; y += 2)
+        for (int x = 0; x < picture->width; x += 2, out++) {
             float least = 6e4f, most = DEPTH_UNKNOWN; // the largest that 16 bits hold
             bool measured = false;
             for (int j = -1; j <= 2; j++)
                 for (int i = -1; i <= 2; i++) {
-                    const int64_t at = pixel_at(p, x + i, y + j);
-                    if (at < 0 || p->inverse[at] < 0)
+                    const int64_t at = pixel_at(picture, x + i, y + j);
+                    if (at < 0 || picture->inverse[at] < 0)
                         continue;
-                    least = fminf(least, p->inverse[at]);
-                    most = fmaxf(most, p->inverse[at]);
-                    measured |= i >= 0 && i < 2 && j >= 0 && j < 2 && !(p->joined[at] & DEPTH_EXTRAPOLATED);
+                    least = fminf(least, picture->inverse[at]);
+                    most = fmaxf(most, picture->inverse[at]);
+                    measured |= i >= 0 && i < 2 && j >= 0 && j < 2 && !(picture->joined[at] & DEPTH_EXTRAPOLATED);
                 }
-            (*out)[0] = measured ? least : -fmaxf(least, LEAST_SIGNED);
+            (*out)[0] = measured ? least : -fmaxf(least, MIN_SIGNED);
             (*out)[1] = most;
         }
 }
 
-static enum status upload_images(struct picture_store *s, const struct surround_picture *p, int layer)
+static enum status upload_images(struct picture_store *store, const struct surround_picture *picture, int layer)
 {
-    const int across = (p->width + 1) / 2, down = (p->height + 1) / 2;
+    const int across = (picture->width + 1) / 2, down = (picture->height + 1) / 2;
     float(*ranges)[2] = malloc(sizeof *ranges * (size_t)across * (size_t)down);
     if (!ranges)
         return fail(ERR_MEMORY, "no memory for the pictures on the graphics card");
-    fill_ranges(p, ranges);
-    gpu_texture_write_layer(s->colors, layer, p->width, p->height, p->rgb);
-    gpu_texture_write_layer(s->depths, layer, p->width, p->height, p->inverse);
-    gpu_texture_write_layer(s->ranges, layer, across, down, ranges);
+    fill_ranges(picture, ranges);
+    gpu_texture_write_layer(store->colors, layer, picture->width, picture->height, picture->rgb);
+    gpu_texture_write_layer(store->depths, layer, picture->width, picture->height, picture->inverse);
+    gpu_texture_write_layer(store->ranges, layer, across, down, ranges);
     free(ranges);
     return OK;
 }
 
-static enum status upload_mesh(struct picture_store *s, const struct surround_mesh *mesh, struct stored_picture *to)
+static enum status upload_mesh(struct picture_store *store, const struct surround_mesh *mesh, struct stored_picture *to)
 {
     enum status status = OK;
     if (!(to->pieces = calloc((size_t)mesh->count + 1, sizeof *to->pieces)))
@@ -264,7 +268,7 @@ static enum status upload_mesh(struct picture_store *s, const struct surround_me
         const struct surround_mesh_piece *from = &mesh->pieces[i];
         struct stored_piece *piece = &to->pieces[to->count];
         const struct gpu_mesh_data data = {from->vertices[0], 4, from->vertex_count, from->indices, from->index_count};
-        status = gpu_mesh_open(&piece->mesh, s->gpu, &data);
+        status = gpu_mesh_open(&piece->mesh, store->gpu, &data);
         memcpy(piece->rays, from->rays, sizeof piece->rays);
         piece->least = from->least;
         piece->most = from->most;
@@ -273,38 +277,39 @@ static enum status upload_mesh(struct picture_store *s, const struct surround_me
     return status;
 }
 
-static enum status upload_surface(struct picture_store *s, const struct surround_picture *p, struct stored_picture *to)
+static enum status upload_surface(struct picture_store *store, const struct surround_picture *picture,
+                                  struct stored_picture *to)
 {
     struct surround_mesh mesh;
-    if (p->mesh)
-        return upload_mesh(s, p->mesh, to);
-    enum status status = surround_mesh_make(&mesh, p, surround_mesh_tolerance(p));
+    if (picture->mesh)
+        return upload_mesh(store, picture->mesh, to);
+    enum status status = surround_mesh_make(&mesh, picture, surround_mesh_tolerance(picture));
     if (status == OK)
-        status = upload_mesh(s, &mesh, to);
+        status = upload_mesh(store, &mesh, to);
     surround_mesh_free(&mesh);
     return status;
 }
 
 // Puts a picture in, in place of one that the present image has not asked for. It has rgb, inverse and joined, and its
 // mesh or what one is made of; nothing of it is kept. ERR_DEVICE, ERR_MEMORY.
-static enum status picture_store_add(struct picture_store *s, const struct surround_picture *p, int *layer)
+static enum status picture_store_add(struct picture_store *store, const struct surround_picture *picture, int *layer)
 {
     int oldest = 0;
-    for (int i = 1; i < s->layers; i++)
-        if (s->pictures[i].used < s->pictures[oldest].used)
+    for (int i = 1; i < store->layers; i++)
+        if (store->pictures[i].used < store->pictures[oldest].used)
             oldest = i;
-    struct stored_picture *to = &s->pictures[oldest];
-    assert(to->used < s->now);
-    empty(to);
-    enum status status = upload_images(s, p, oldest);
+    struct stored_picture *to = &store->pictures[oldest];
+    assert(to->used < store->now);
+    empty_picture(to);
+    enum status status = upload_images(store, picture, oldest);
     if (status == OK)
-        status = upload_surface(s, p, to);
+        status = upload_surface(store, picture, to);
     if (status != OK) {
-        empty(to);
+        empty_picture(to);
         return status;
     }
-    to->depth_number = p->depth_number;
-    to->used = s->now;
+    to->depth_number = picture->depth_number;
+    to->used = store->now;
     *layer = oldest;
     return OK;
 }
@@ -352,7 +357,7 @@ static const struct gpu_program_source surface_text = {.name = "surround_surface
                                                        .sampler_count = COUNT_OF(texture_samplers)};
 
 // Opens the program for so many pictures where it is not open yet.
-static enum status fit_program(struct surround_renderer *r, struct gpu_program **program,
+static enum status fit_program(struct surround_renderer *renderer, struct gpu_program **program,
                                const struct gpu_program_source *like, int pictures)
 {
     char word[32], fragment[40];
@@ -362,17 +367,17 @@ static enum status fit_program(struct surround_renderer *r, struct gpu_program *
     text.vertex = shader_find(like == &texture_text ? "fullscreen.vert" : "surround_surface.vert");
     text.fragment = shader_find(fragment);
     text.word = word;
-    return *program ? OK : gpu_program_open(program, r->gpu, &text);
+    return *program ? OK : gpu_program_open(program, renderer->gpu, &text);
 }
 
-static enum status fit_surface_program(struct surround_renderer *r, int pictures)
+static enum status fit_surface_program(struct surround_renderer *renderer, int pictures)
 {
-    return fit_program(r, &r->surface_programs[pictures], &surface_text, pictures);
+    return fit_program(renderer, &renderer->surface_programs[pictures], &surface_text, pictures);
 }
 
-static enum status fit_texture_program(struct surround_renderer *r, int pictures)
+static enum status fit_texture_program(struct surround_renderer *renderer, int pictures)
 {
-    return fit_program(r, &r->texture_programs[pictures], &texture_text, pictures);
+    return fit_program(renderer, &renderer->texture_programs[pictures], &texture_text, pictures);
 }
 
 enum status surround_renderer_open(struct surround_renderer **out, struct gpu *gpu)
@@ -401,7 +406,7 @@ void surround_renderer_close(struct surround_renderer **out)
     if (!r)
         return;
     picture_store_close(&r->store);
-    for (int i = 0; i <= SURROUND_RENDERER_MOST; i++) {
+    for (int i = 0; i <= SURROUND_RENDERER_MAX; i++) {
         gpu_program_close(&r->surface_programs[i]);
         gpu_program_close(&r->texture_programs[i]);
     }
@@ -417,16 +422,16 @@ void surround_renderer_close(struct surround_renderer **out)
     *out = NULL;
 }
 
-static enum status fit_targets(struct surround_renderer *r, const struct lens *lens)
+static enum status fit_targets(struct surround_renderer *renderer, const struct lens *lens)
 {
-    const bool fits = r->image && r->lens.width == lens->width && r->lens.height == lens->height;
-    r->lens = *lens;
+    const bool fits = renderer->image && renderer->lens.width == lens->width && renderer->lens.height == lens->height;
+    renderer->lens = *lens;
     if (fits)
         return OK;
-    gpu_target_close(&r->surface);
-    gpu_target_close(&r->image);
-    enum status status = gpu_target_open(&r->surface, r->gpu, lens->width, lens->height);
-    return status == OK ? gpu_target_open_color(&r->image, r->gpu, lens->width, lens->height) : status;
+    gpu_target_close(&renderer->surface);
+    gpu_target_close(&renderer->image);
+    enum status status = gpu_target_open(&renderer->surface, renderer->gpu, lens->width, lens->height);
+    return status == OK ? gpu_target_open_color(&renderer->image, renderer->gpu, lens->width, lens->height) : status;
 }
 
 static bool same_camera(const struct surround_picture *a, const struct surround_picture *b)
@@ -436,51 +441,51 @@ static bool same_camera(const struct surround_picture *a, const struct surround_
 }
 
 // Those of the list that are on the graphics card, and as many of the others as may be uploaded now.
-static enum status gather(struct surround_renderer *r, const struct surround_image *image,
-                          const struct surround_picture *const *list, int listed)
+static enum status gather_pictures(struct surround_renderer *renderer, const struct surround_image *image,
+                                   const struct surround_picture *const *list, int listed)
 {
-    const struct surround_picture *pictures[SURROUND_RENDERER_MOST];
-    int layers[SURROUND_RENDERER_MOST], uploads = 0, count = 0;
-    for (int i = 0; i < listed && count < SURROUND_RENDERER_MOST; i++)
+    const struct surround_picture *pictures[SURROUND_RENDERER_MAX];
+    int layers[SURROUND_RENDERER_MAX], uploads = 0, count = 0;
+    for (int i = 0; i < listed && count < SURROUND_RENDERER_MAX; i++)
         if (same_camera(list[i], list[0]))
             pictures[count++] = list[i];
-    enum status status = picture_store_fit(&r->store, pictures, count);
+    enum status status = picture_store_fit(&renderer->store, pictures, count);
     for (int i = 0; i < count && status == OK; i++)
-        layers[i] = picture_store_find(&r->store, pictures[i]->depth_number);
-    r->count = r->missing = 0;
+        layers[i] = picture_store_find(&renderer->store, pictures[i]->depth_number);
+    renderer->count = renderer->missing = 0;
     for (int i = 0; i < count && status == OK; i++) {
-        if (layers[i] < 0 && (!image->most_uploads || uploads < image->most_uploads)) {
-            status = picture_store_add(&r->store, pictures[i], &layers[i]);
+        if (layers[i] < 0 && (!image->max_uploads || uploads < image->max_uploads)) {
+            status = picture_store_add(&renderer->store, pictures[i], &layers[i]);
             uploads++;
         }
         if (layers[i] < 0) {
-            r->missing++;
+            renderer->missing++;
             continue;
         }
-        r->pictures[r->count] = pictures[i];
-        r->layers[r->count++] = layers[i];
+        renderer->pictures[renderer->count] = pictures[i];
+        renderer->layers[renderer->count++] = layers[i];
     }
     return status;
 }
 
-static void picture_uniform(const struct surround_renderer *r, struct pose world_from_view, float *out)
+static void picture_uniform(const struct surround_renderer *renderer, struct pose world_from_view, float *out)
 {
-    for (int i = r->count; i < SURROUND_RENDERER_MOST; i++)
+    for (int i = renderer->count; i < SURROUND_RENDERER_MAX; i++)
         out[4 * PARTS * i + 15] = -1; // there is none
-    for (int i = 0; i < r->count; i++, out += 4 * PARTS) {
-        const struct surround_picture *p = r->pictures[i];
+    for (int i = 0; i < renderer->count; i++, out += 4 * PARTS) {
+        const struct surround_picture *p = renderer->pictures[i];
         surround_rows_of(pose_multiply(pose_inverse(p->world_from_camera), world_from_view), out);
         memcpy(out + 12, p->gain, sizeof p->gain);
-        out[15] = (float)r->layers[i];
+        out[15] = (float)renderer->layers[i];
     }
 }
 
-static void camera_uniform(const struct surround_picture *p, float out[8])
+static void camera_uniform(const struct surround_picture *picture, float out[8])
 {
-    const double parts[8] = {p->panorama, p->panorama ? 6.283185307 / p->width : 1 / p->lens.fx,
-                             p->width,    p->height,
-                             p->lens.fx,  p->lens.fy,
-                             p->lens.cx,  p->lens.cy};
+    const double parts[8] = {picture->panorama, picture->panorama ? 6.283185307 / picture->width : 1 / picture->lens.fx,
+                             picture->width,    picture->height,
+                             picture->lens.fx,  picture->lens.fy,
+                             picture->lens.cx,  picture->lens.cy};
     for (int k = 0; k < 8; k++)
         out[k] = (float)parts[k];
 }
@@ -488,7 +493,7 @@ static void camera_uniform(const struct surround_picture *p, float out[8])
 // Programs are compiled for some numbers of pictures; what an image lacks of one is marked.
 static int program_size(int count)
 {
-    static const int sizes[] = {1, 2, 3, 4, 6, 8, 12, SURROUND_RENDERER_MOST};
+    static const int sizes[] = {1, 2, 3, 4, 6, 8, 12, SURROUND_RENDERER_MAX};
     int i = 0;
     while (sizes[i] < count)
         i++;
@@ -525,40 +530,42 @@ static bool may_be_seen(const struct stored_piece *piece, const struct lens *len
     return true;
 }
 
-static void draw_surface(struct surround_renderer *r, const struct surround_image *image, struct gpu_program *program,
-                         int number)
+static void draw_surface(struct surround_renderer *renderer, const struct surround_image *image,
+                         struct gpu_program *program, int number)
 {
-    const struct stored_picture *stored = &r->store.pictures[r->layers[number]];
-    const float order[4] = {(float)number, image->how.depth_test, (float)image->how.apart, (float)r->layers[number]};
+    const struct stored_picture *stored = &renderer->store.pictures[renderer->layers[number]];
+    const float order[4] = {(float)number, image->how.depth_test, (float)image->how.apart,
+                            (float)renderer->layers[number]};
     float rows[12];
-    surround_rows_of(pose_multiply(pose_inverse(image->world_from_view), r->pictures[number]->world_from_camera), rows);
+    surround_rows_of(pose_multiply(pose_inverse(image->world_from_view), renderer->pictures[number]->world_from_camera),
+                     rows);
     gpu_program_set(program, VIEW_FROM_PICTURE, rows, 3);
     gpu_program_set(program, ORDER, order, 1);
     for (int i = 0; i < stored->count; i++)
         if (may_be_seen(&stored->pieces[i], &image->lens, rows))
-            gpu_draw(&(struct gpu_job){.target = r->surface,
+            gpu_draw(&(struct gpu_job){.target = renderer->surface,
                                        .program = program,
                                        .mesh = stored->pieces[i].mesh,
-                                       .textures = {r->store.ranges, r->store.depths},
+                                       .textures = {renderer->store.ranges, renderer->store.depths},
                                        .closed = true,
                                        .depth_test = true});
 }
 
-static enum status draw_surfaces(struct surround_renderer *r, const struct surround_image *image, const float lens[4],
-                                 const float camera[8], const float *pictures)
+static enum status draw_surfaces(struct surround_renderer *renderer, const struct surround_image *image,
+                                 const float lens[4], const float camera[8], const float *pictures)
 {
     const float range[4] = {(float)image->lens.width, (float)image->lens.height, NEAREST_M, 0};
-    const int judges = program_size(r->count < JUDGES ? r->count : JUDGES);
-    gpu_target_clear(r->surface);
-    if (!r->count)
+    const int judges = program_size(renderer->count < JUDGES ? renderer->count : JUDGES);
+    gpu_target_clear(renderer->surface);
+    if (!renderer->count)
         return OK;
     // Those asked, then the others, which have to be supported by these.
-    const int drawn = r->count < image->how.geometry_pictures ? r->count : image->how.geometry_pictures;
+    const int drawn = renderer->count < image->how.geometry_pictures ? renderer->count : image->how.geometry_pictures;
     const int asked = !image->how.depth_test || drawn < judges ? drawn : judges;
-    struct gpu_program **programs[2] = {&r->surface_programs[judges], &r->unasked_program};
-    enum status status = fit_program(r, programs[0], &surface_text, judges);
+    struct gpu_program **programs[2] = {&renderer->surface_programs[judges], &renderer->unasked_program};
+    enum status status = fit_program(renderer, programs[0], &surface_text, judges);
     if (status == OK && asked < drawn)
-        status = fit_program(r, programs[1], &unasked_text, judges);
+        status = fit_program(renderer, programs[1], &unasked_text, judges);
     for (int k = 0; k < (asked < drawn ? 2 : 1) && status == OK; k++) {
         struct gpu_program *program = *programs[k];
         gpu_program_set(program, SURFACE_LENS, lens, 1);
@@ -566,29 +573,30 @@ static enum status draw_surfaces(struct surround_renderer *r, const struct surro
         gpu_program_set(program, SURFACE_CAMERA, camera, 2);
         gpu_program_set(program, SURFACE_PICTURES, pictures, PARTS * judges);
         for (int i = k ? asked : 0; i < (k ? drawn : asked); i++)
-            draw_surface(r, image, program, i);
+            draw_surface(renderer, image, program, i);
     }
     return status;
 }
 
-static enum status draw_texture(struct surround_renderer *r, const struct surround_image *image, const float lens[4],
-                                const float camera[8], const float *pictures)
+static enum status draw_texture(struct surround_renderer *renderer, const struct surround_image *image,
+                                const float lens[4], const float camera[8], const float *pictures)
 {
     const float look[4] = {(float)image->hatched, (float)(1 / image->lens.fx), (float)VIEW_RESOLUTION_COST, NEAREST_M};
-    const int count = program_size(r->count);
-    const enum status status = fit_texture_program(r, count);
+    const int count = program_size(renderer->count);
+    const enum status status = fit_texture_program(renderer, count);
     if (status != OK)
         return status;
-    struct gpu_program *program = r->texture_programs[count];
+    struct gpu_program *program = renderer->texture_programs[count];
     gpu_program_set(program, TEXTURE_LENS, lens, 1);
     gpu_program_set(program, LOOK, look, 1);
     gpu_program_set(program, TEXTURE_CAMERA, camera, 2);
     gpu_program_set(program, TEXTURE_PICTURES, pictures, PARTS * count);
-    gpu_draw(&(struct gpu_job){.target = r->image,
+    gpu_draw(&(struct gpu_job){.target = renderer->image,
                                .program = program,
-                               .mesh = r->fullscreen,
-                               .textures = {gpu_target_texture(r->surface), r->count ? r->store.colors : r->none,
-                                            r->count ? r->store.depths : r->none}});
+                               .mesh = renderer->fullscreen,
+                               .textures = {gpu_target_texture(renderer->surface),
+                                            renderer->count ? renderer->store.colors : renderer->none,
+                                            renderer->count ? renderer->store.depths : renderer->none}});
     return OK;
 }
 
@@ -598,10 +606,10 @@ enum status surround_renderer_draw(struct surround_renderer *r, const struct sur
 {
     const struct lens *l = &image->lens;
     const float lens[4] = {(float)l->fx, (float)l->fy, (float)l->cx, (float)l->cy};
-    float uniform[4 * PARTS * SURROUND_RENDERER_MOST] = {0}, camera[8] = {0};
+    float uniform[4 * PARTS * SURROUND_RENDERER_MAX] = {0}, camera[8] = {0};
     enum status status = fit_targets(r, l);
     if (status == OK)
-        status = gather(r, image, pictures, count);
+        status = gather_pictures(r, image, pictures, count);
     if (status != OK)
         return status;
     r->world_from_view = image->world_from_view;
@@ -615,4 +623,4 @@ enum status surround_renderer_draw(struct surround_renderer *r, const struct sur
     return status == OK ? gpu_check(r->gpu) : status;
 }
 
-int surround_renderer_missing(const struct surround_renderer *r) { return r->missing; }
+int surround_renderer_missing(const struct surround_renderer *renderer) { return renderer->missing; }

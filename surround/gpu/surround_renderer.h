@@ -10,9 +10,9 @@
 // Threads, errors and images as in platform/screen/gpu.h.
 #pragma once
 #include "platform/screen/gpu.h"
+#include "reenact/render/shaders.h"
 #include "surround/picture/surround_mesh.h"
 #include "surround/view/surround_view.h"
-#include "reenact/render/shaders.h"
 
 // ---------------------------------------------------------------- picture store
 
@@ -46,7 +46,7 @@ struct picture_store {
 
 // At most so many pictures make an image; the first of the list are taken, of one camera (size and lens): the first's.
 // A picture takes 7 bytes a pixel of the graphics card's memory, and about 16 for each vertex of its surface.
-enum { SURROUND_RENDERER_MOST = 16 };
+enum { SURROUND_RENDERER_MAX = 16 };
 
 struct surround_renderer;
 // ERR_DEVICE: this driver cannot; ERR_MEMORY.
@@ -58,7 +58,7 @@ struct surround_image {
     struct pose world_from_view;
     struct view_options how; // texture_pictures is 2
     bool hatched;            // what was not seen is hatched, opaque over black; else black
-    int most_uploads;        // new pictures in one call, so that none takes long; 0: all
+    int max_uploads;         // new pictures in one call, so that none takes long; 0: all
 };
 
 // The pictures have depth with a depth_number each, and are sorted by surround_view_rank. The texture is the
@@ -67,8 +67,8 @@ MUST_CHECK enum status surround_renderer_draw(struct surround_renderer *r, const
                                               const struct surround_picture *const *pictures, int count,
                                               const struct gpu_texture **out);
 
-// How many of the last image's pictures were left out because of most_uploads.
-int surround_renderer_missing(const struct surround_renderer *r);
+// How many of the last image's pictures were left out because of max_uploads.
+int surround_renderer_missing(const struct surround_renderer *renderer);
 
 // A transparent box over the last image, hidden where something stands in front of it. Not drawn where the eye is
 // inside. low, high: opposite corners in the box's axes.
@@ -78,7 +78,7 @@ struct surround_box {
     uint8_t color[3];
     double opacity; // 0..1
 };
-void surround_renderer_tint(struct surround_renderer *r, const struct surround_box *box);
+void surround_renderer_tint(struct surround_renderer *renderer, const struct surround_box *box);
 
 // Depth of every step-th pixel of the last image: *view gets its lens, its pose, inverse_z, and source; it is opened
 // where its size is another. Waits for that image alone if it is called before the next one is drawn. NOTHING: none
@@ -93,7 +93,7 @@ struct surround_renderer {
     struct gpu *gpu;
     struct picture_store store;
     // For so many pictures, compiled when they are needed first
-    struct gpu_program *surface_programs[SURROUND_RENDERER_MOST + 1], *texture_programs[SURROUND_RENDERER_MOST + 1];
+    struct gpu_program *surface_programs[SURROUND_RENDERER_MAX + 1], *texture_programs[SURROUND_RENDERER_MAX + 1];
     struct gpu_program *unasked_program; // for surfaces of pictures after the JUDGES first
     struct gpu_program *tint_program, *sample_program;
     struct gpu_mesh *fullscreen;
@@ -103,8 +103,8 @@ struct surround_renderer {
     struct pose world_from_view;
     int sample_width, sample_height;
     // Of the image under way: its pictures in their order
-    const struct surround_picture *pictures[SURROUND_RENDERER_MOST];
-    int layers[SURROUND_RENDERER_MOST], count, missing;
+    const struct surround_picture *pictures[SURROUND_RENDERER_MAX];
+    int layers[SURROUND_RENDERER_MAX], count, missing;
 };
 
 // Rows of the rigid map's 3 x 4 matrix.

@@ -20,8 +20,8 @@ static inline int floor_of(float a)
 static inline float fast_atan2(float y, float x)
 {
     const float ax = fabsf(x), ay = fabsf(y);
-    const float most = ax > ay ? ax : ay, least = ax > ay ? ay : ax;
-    const float t = least / (most > 0 ? most : 1), s = t * t;
+    const float max = ax > ay ? ax : ay, min = ax > ay ? ay : ax;
+    const float t = min / (max > 0 ? max : 1), s = t * t;
     float a = FAST_ATAN(t, s);
     if (ay > ax)
         a = 1.57079633f - a;

@@ -26,8 +26,8 @@ static inline four four_sqrt(four a) { return (four){sqrtf(a[0]), sqrtf(a[1]), s
 static inline four four_atan2(four y, four x)
 {
     const four ax = (four)((four_ints)x & 0x7fffffff), ay = (four)((four_ints)y & 0x7fffffff);
-    const four most = FOUR_SELECT(ax > ay, ax, ay), least = FOUR_SELECT(ax > ay, ay, ax);
-    const four t = least / FOUR_SELECT(most > 0, most, FOUR(1.0f)), s = t * t;
+    const four max = FOUR_SELECT(ax > ay, ax, ay), min = FOUR_SELECT(ax > ay, ay, ax);
+    const four t = min / FOUR_SELECT(max > 0, max, FOUR(1.0f)), s = t * t;
     const four a = FAST_ATAN(t, s);
     const four b = FOUR_SELECT(ay > ax, 1.57079633f - a, a);
     const four c = FOUR_SELECT(x < 0, 3.14159265f - b, b);
@@ -35,7 +35,7 @@ static inline four four_atan2(four y, four x)
 }
 
 // As surround_picture_ray, of pixels u to u + 3 of a row, all within the picture.
-void surround_picture_rays(const struct surround_picture *p, int u, int v, four ray[3]);
+void surround_picture_rays(const struct surround_picture *picture, int u, int v, four ray[3]);
 
 struct four_points {
     four u, v, distance;
@@ -43,7 +43,7 @@ struct four_points {
 };
 
 // As surround_picture_distance; distances into out->distance.
-void surround_picture_distances(const struct surround_picture *p, const four_doubles world[3], four camera[3],
+void surround_picture_distances(const struct surround_picture *picture, const four_doubles world[3], four camera[3],
                                 struct four_points *out);
 // As surround_picture_find; out->distance is given.
-void surround_picture_find_four(const struct surround_picture *p, const four camera[3], struct four_points *out);
+void surround_picture_find_four(const struct surround_picture *picture, const four camera[3], struct four_points *out);

@@ -9,27 +9,27 @@
 
 // Freeing a mesh, apart from making it, which stands on pictures.
 
-void surround_mesh_free(struct surround_mesh *m)
+void surround_mesh_free(struct surround_mesh *mesh)
 {
-    for (int i = 0; i < m->count; i++) {
-        free(m->pieces[i].vertices);
-        free(m->pieces[i].indices);
+    for (int i = 0; i < mesh->count; i++) {
+        free(mesh->pieces[i].vertices);
+        free(mesh->pieces[i].indices);
     }
-    free(m->pieces);
-    *m = (struct surround_mesh){0};
+    free(mesh->pieces);
+    *mesh = (struct surround_mesh){0};
 }
 
-void surround_picture_free_mesh(struct surround_picture *p)
+void surround_picture_free_mesh(struct surround_picture *picture)
 {
-    if (p->mesh)
-        surround_mesh_free(p->mesh);
-    free(p->mesh);
-    p->mesh = NULL;
+    if (picture->mesh)
+        surround_mesh_free(picture->mesh);
+    free(picture->mesh);
+    picture->mesh = NULL;
 }
 
 // ---------------------------------------------------------------- surround mesh
 
-enum { BLOCK = 16, MOST_VERTICES = 65536, GRID = 5 };
+enum { BLOCK = 16, MAX_VERTICES = 65536, GRID = 5 };
 // A piece is at most this wide and high, radians: between the rays of its grid it bulges by at most 4 %.
 #define PIECE_RAD 0.8f
 #define INFINITE  1e30f
@@ -57,125 +57,132 @@ struct node {
     int x, y;
 };
 
-static int picture_column(const struct maker *m, int x) { return x < m->p->width ? x : x - m->p->width; }
+static int picture_column(const struct maker *maker, int x) { return x < maker->p->width ? x : x - maker->p->width; }
 
-static float inverse_at(const struct maker *m, int x, int y)
+static float inverse_at(const struct maker *maker, int x, int y)
 {
-    return m->p->inverse[(size_t)y * (size_t)m->p->width + (size_t)picture_column(m, x)];
+    return maker->p->inverse[(size_t)y * (size_t)maker->p->width + (size_t)picture_column(maker, x)];
 }
 
-static bool inside(const struct maker *m, int x, int y) { return x <= m->cells_across && y <= m->cells_down; }
-
-static bool is_joined(const struct maker *m, int x, int y)
+static bool is_inside(const struct maker *maker, int x, int y)
 {
-    return x < m->cells_across && y < m->cells_down &&
-           m->p->joined[(size_t)y * (size_t)m->p->width + (size_t)x] & JOINED_DIAGONAL;
+    return x <= maker->cells_across && y <= maker->cells_down;
 }
 
-static float *error_at(struct maker *m, int x, int y) { return &m->error[(size_t)y * (size_t)m->columns + (size_t)x]; }
+static bool is_joined(const struct maker *maker, int x, int y)
+{
+    return x < maker->cells_across && y < maker->cells_down &&
+           maker->p->joined[(size_t)y * (size_t)maker->p->width + (size_t)x] & JOINED_DIAGONAL;
+}
 
-static void raise(float *error, float value) { *error = value > *error ? value : *error; }
+static float *error_at(struct maker *maker, int x, int y)
+{
+    return &maker->error[(size_t)y * (size_t)maker->columns + (size_t)x];
+}
+
+static void raise_error(float *error, float value) { *error = value > *error ? value : *error; }
 
 // How far the middle of the side a-b is from it, as a share. On a plane the inverse distance is linear in the ray, and
 // the sum of the ends' rays is the middle's times that of their parts along it.
-static float side_error(const struct maker *m, struct node a, struct node b)
+static float side_error(const struct maker *maker, struct node a, struct node b)
 {
     const int x = (a.x + b.x) / 2, y = (a.y + b.y) / 2;
     float ends[2][3], middle[3], along = 0;
-    if (!inside(m, a.x, a.y) || !inside(m, b.x, b.y))
+    if (!is_inside(maker, a.x, a.y) || !is_inside(maker, b.x, b.y))
         return INFINITE;
-    surround_picture_ray(m->p, picture_column(m, a.x), a.y, ends[0]);
-    surround_picture_ray(m->p, picture_column(m, b.x), b.y, ends[1]);
-    surround_picture_ray(m->p, picture_column(m, x), y, middle);
+    surround_picture_ray(maker->p, picture_column(maker, a.x), a.y, ends[0]);
+    surround_picture_ray(maker->p, picture_column(maker, b.x), b.y, ends[1]);
+    surround_picture_ray(maker->p, picture_column(maker, x), y, middle);
     for (int i = 0; i < 3; i++)
         along += middle[i] * (ends[0][i] + ends[1][i]);
-    const float there = inverse_at(m, x, y), line = (inverse_at(m, a.x, a.y) + inverse_at(m, b.x, b.y)) / along;
+    const float there = inverse_at(maker, x, y),
+                line = (inverse_at(maker, a.x, a.y) + inverse_at(maker, b.x, b.y)) / along;
     return fabsf(there - line) / (there + 1e-4f);
 }
 
 // Corners of cells that are cut or beyond the picture are vertices.
-static void mark_cut(struct maker *m)
+static void mark_cut(struct maker *maker)
 {
-    for (int y = 0; y + 1 < m->rows; y++)
-        for (int x = 0; x + 1 < m->columns; x++)
-            if (!is_joined(m, x, y))
+    for (int y = 0; y + 1 < maker->rows; y++)
+        for (int x = 0; x + 1 < maker->columns; x++)
+            if (!is_joined(maker, x, y))
                 for (int k = 0; k < 4; k++)
-                    *error_at(m, x + (k & 1), y + (k >> 1)) = INFINITE;
+                    *error_at(maker, x + (k & 1), y + (k >> 1)) = INFINITE;
 }
 
 // The diagonals of squares of one size form a lattice of diamonds.
-static bool falls(int x, int y, int size) { return (x / size + y / size) % 2 == 0; }
+static bool has_falling_diagonal(int x, int y, int size) { return (x / size + y / size) % 2 == 0; }
 
 // From small triangles to large, so that a vertex of a small one entails those of the large ones that it is in.
-static void measure(struct maker *m)
+static void measure_errors(struct maker *maker)
 {
     for (int s = 2; s <= BLOCK; s *= 2) {
         const int h = s / 2, q = s / 4;
-        for (int y = 0; y < m->rows; y += h)
-            for (int x = y % s ? 0 : h; x < m->columns; x += s) {
+        for (int y = 0; y < maker->rows; y += h)
+            for (int x = y % s ? 0 : h; x < maker->columns; x += s) {
                 const struct node a = {y % s ? x : x - h, y % s ? y - h : y},
                                   b = {y % s ? x : x + h, y % s ? y + h : y};
-                float *error = error_at(m, x, y);
+                float *error = error_at(maker, x, y);
                 if (*error < INFINITE)
-                    raise(error, side_error(m, a, b));
+                    raise_error(error, side_error(maker, a, b));
                 for (int k = 0; k < 4 && q; k++) {
                     const int cx = x + (k & 1 ? q : -q), cy = y + (k & 2 ? q : -q);
-                    if (cx >= 0 && cy >= 0 && cx < m->columns && cy < m->rows)
-                        raise(error, *error_at(m, cx, cy));
+                    if (cx >= 0 && cy >= 0 && cx < maker->columns && cy < maker->rows)
+                        raise_error(error, *error_at(maker, cx, cy));
                 }
             }
-        for (int y = 0; y + s < m->rows; y += s)
-            for (int x = 0; x + s < m->columns; x += s) {
-                const bool down = falls(x, y, s);
+        for (int y = 0; y + s < maker->rows; y += s)
+            for (int x = 0; x + s < maker->columns; x += s) {
+                const bool down = has_falling_diagonal(x, y, s);
                 const struct node a = {x, down ? y : y + s}, b = {x + s, down ? y + s : y};
-                float *error = error_at(m, x + h, y + h);
+                float *error = error_at(maker, x + h, y + h);
                 if (*error < INFINITE)
-                    raise(error, side_error(m, a, b));
-                raise(error, *error_at(m, x + h, y));
-                raise(error, *error_at(m, x + h, y + s));
-                raise(error, *error_at(m, x, y + h));
-                raise(error, *error_at(m, x + s, y + h));
+                    raise_error(error, side_error(maker, a, b));
+                raise_error(error, *error_at(maker, x + h, y));
+                raise_error(error, *error_at(maker, x + h, y + s));
+                raise_error(error, *error_at(maker, x, y + h));
+                raise_error(error, *error_at(maker, x + s, y + h));
             }
     }
 }
 
 // ---------------------------------------------------------------- triangles
 
-static int add_vertex(struct maker *m, const float ray[3], float inverse)
+static int add_vertex(struct maker *maker, const float ray[3], float inverse)
 {
-    if (m->vertex_count == MOST_VERTICES) {
-        m->full = true;
+    if (maker->vertex_count == MAX_VERTICES) {
+        maker->full = true;
         return 0;
     }
-    float *v = m->vertices[m->vertex_count];
+    float *v = maker->vertices[maker->vertex_count];
     memcpy(v, ray, 3 * sizeof *v);
     v[3] = inverse;
-    return m->vertex_count++;
+    return maker->vertex_count++;
 }
 
-static int vertex(struct maker *m, struct node n)
+static int vertex_number(struct maker *maker, struct node node)
 {
-    const size_t at = (size_t)n.y * (size_t)m->columns + (size_t)n.x;
+    const size_t at = (size_t)node.y * (size_t)maker->columns + (size_t)node.x;
     float ray[3];
-    if (m->number[at] >= 0)
-        return m->number[at];
-    if (m->vertex_count == MOST_VERTICES)
-        m->full = true;
-    if (m->full)
+    if (maker->number[at] >= 0)
+        return maker->number[at];
+    if (maker->vertex_count == MAX_VERTICES)
+        maker->full = true;
+    if (maker->full)
         return 0;
-    surround_picture_ray(m->p, picture_column(m, n.x), n.y, ray);
-    m->number[at] = add_vertex(m, ray, inverse_at(m, n.x, n.y));
-    m->members[m->member_count++] = (int32_t)at;
-    return m->number[at];
+    surround_picture_ray(maker->p, picture_column(maker, node.x), node.y, ray);
+    maker->number[at] = add_vertex(maker, ray, inverse_at(maker, node.x, node.y));
+    maker->members[maker->member_count++] = (int32_t)at;
+    return maker->number[at];
 }
 
-static void add_triangle(struct maker *m, int a, int b, int c)
+static void add_triangle(struct maker *maker, int a, int b, int c)
 {
-    if (m->full)
+    if (maker->full)
         return;
-    m->indices[m->index_count++] = (uint16_t)a;
-    m->indices[m->index_count++] = (uint16_t)b;
-    m->indices[m->index_count++] = (uint16_t)c;
+    maker->indices[maker->index_count++] = (uint16_t)a;
+    maker->indices[maker->index_count++] = (uint16_t)b;
+    maker->indices[maker->index_count++] = (uint16_t)c;
 }
 
 static int least_of(int a, int b, int c)
@@ -185,38 +192,38 @@ static int least_of(int a, int b, int c)
 }
 
 // a-b is the longest side; counter-clockwise in the picture.
-static void triangles(struct maker *m, struct node a, struct node b, struct node c)
+static void add_triangles(struct maker *maker, struct node a, struct node b, struct node c)
 {
     const bool finest = (a.x + b.x) % 2 != 0;
     const struct node middle = {(a.x + b.x) / 2, (a.y + b.y) / 2};
-    if (!finest && *error_at(m, middle.x, middle.y) > m->tolerance) {
-        triangles(m, c, a, middle);
-        triangles(m, b, c, middle);
-    } else if (!finest || is_joined(m, least_of(a.x, b.x, c.x), least_of(a.y, b.y, c.y)))
-        add_triangle(m, vertex(m, a), vertex(m, b), vertex(m, c));
+    if (!finest && *error_at(maker, middle.x, middle.y) > maker->tolerance) {
+        add_triangles(maker, c, a, middle);
+        add_triangles(maker, b, c, middle);
+    } else if (!finest || is_joined(maker, least_of(a.x, b.x, c.x), least_of(a.y, b.y, c.y)))
+        add_triangle(maker, vertex_number(maker, a), vertex_number(maker, b), vertex_number(maker, c));
 }
 
 // A rectangle of a pixel's surroundings, half a pixel to each side at most, all as far as the pixel.
-static void patch(struct maker *m, struct node at, float rays[3][3][3], const int low[2], const int high[2])
+static void add_patch(struct maker *maker, struct node at, float rays[3][3][3], const int low[2], const int high[2])
 {
-    const float inverse = inverse_at(m, at.x, at.y);
+    const float inverse = inverse_at(maker, at.x, at.y);
     int corner[4];
     for (int c = 0; c < 4; c++)
-        corner[c] = add_vertex(m, rays[1 + (c & 2 ? high[1] : low[1])][1 + (c & 1 ? high[0] : low[0])], inverse);
-    add_triangle(m, corner[0], corner[2], corner[1]);
-    add_triangle(m, corner[1], corner[2], corner[3]);
+        corner[c] = add_vertex(maker, rays[1 + (c & 2 ? high[1] : low[1])][1 + (c & 1 ? high[0] : low[0])], inverse);
+    add_triangle(maker, corner[0], corner[2], corner[1]);
+    add_triangle(maker, corner[1], corner[2], corner[3]);
 }
 
 // The rays of a pixel's corners, sides and middle: half way to its neighbours, of which there may be none.
-static void corner_rays(const struct maker *m, struct node at, float rays[3][3][3])
+static void corner_rays(const struct maker *maker, struct node at, float rays[3][3][3])
 {
     float to[3][3][3];
     for (int k = 0; k < 9; k++) {
         int x = at.x + k % 3 - 1;
         const int y = at.y + k / 3 - 1;
-        x = m->p->panorama && x < 0 ? x + m->p->width : x;
-        const bool there = x >= 0 && y >= 0 && inside(m, x, y);
-        surround_picture_ray(m->p, picture_column(m, there ? x : at.x), there ? y : at.y, to[k / 3][k % 3]);
+        x = maker->p->panorama && x < 0 ? x + maker->p->width : x;
+        const bool there = x >= 0 && y >= 0 && is_inside(maker, x, y);
+        surround_picture_ray(maker->p, picture_column(maker, there ? x : at.x), there ? y : at.y, to[k / 3][k % 3]);
     }
     for (int j = 0; j < 3; j++)
         for (int i = 0; i < 3; i++)
@@ -227,20 +234,20 @@ static void corner_rays(const struct maker *m, struct node at, float rays[3][3][
 // Where four pixels are not one surface, each that is known covers its own quarter between their centres: the quarters
 // of one pixel, together where they make a rectangle. A panorama's first column is there twice, with the quarters of
 // one side each.
-static void quarters(struct maker *m, struct node at)
+static void add_quarters(struct maker *maker, struct node at)
 {
     static const int sides[2][2] = {{-1, 0}, {0, 1}}, both[2] = {-1, 1};
     bool cut[4]; // the cells left above, right above, left below, right below
     float rays[3][3][3];
     for (int k = 0; k < 4; k++) {
         const int x = at.x - 1 + (k & 1), y = at.y - 1 + (k >> 1);
-        cut[k] = x >= 0 && y >= 0 && x < m->cells_across && y < m->cells_down && !is_joined(m, x, y);
+        cut[k] = x >= 0 && y >= 0 && x < maker->cells_across && y < maker->cells_down && !is_joined(maker, x, y);
     }
-    if (!(cut[0] | cut[1] | cut[2] | cut[3]) || inverse_at(m, at.x, at.y) < 0)
+    if (!(cut[0] | cut[1] | cut[2] | cut[3]) || inverse_at(maker, at.x, at.y) < 0)
         return;
-    corner_rays(m, at, rays);
+    corner_rays(maker, at, rays);
     if (cut[0] & cut[1] & cut[2] & cut[3]) {
-        patch(m, at, rays, (int[2]){-1, -1}, (int[2]){1, 1});
+        add_patch(maker, at, rays, (int[2]){-1, -1}, (int[2]){1, 1});
         return;
     }
     const bool upright = (cut[0] & cut[2]) | (cut[1] & cut[3]);
@@ -249,20 +256,20 @@ static void quarters(struct maker *m, struct node at)
         const int *half = sides[s], *span = a && b ? both : sides[b];
         const int *across = upright ? half : span, *down = upright ? span : half;
         if (a || b)
-            patch(m, at, rays, (int[2]){across[0], down[0]}, (int[2]){across[1], down[1]});
+            add_patch(maker, at, rays, (int[2]){across[0], down[0]}, (int[2]){across[1], down[1]});
     }
 }
 
 // ---------------------------------------------------------------- pieces
 
-static void set_bounds(const struct maker *m, struct surround_mesh_piece *piece, struct node low, struct node high)
+static void set_bounds(const struct maker *maker, struct surround_mesh_piece *piece, struct node low, struct node high)
 {
-    const int right = high.x < m->cells_across ? high.x : m->cells_across;
-    const int bottom = high.y < m->cells_down ? high.y : m->cells_down;
+    const int right = high.x < maker->cells_across ? high.x : maker->cells_across;
+    const int bottom = high.y < maker->cells_down ? high.y : maker->cells_down;
     for (int k = 0; k < SURROUND_MESH_RAYS; k++) {
         const int x = low.x + (right - low.x) * (k % GRID) / (GRID - 1);
         const int y = low.y + (bottom - low.y) * (k / GRID) / (GRID - 1);
-        surround_picture_ray(m->p, picture_column(m, x), y, piece->rays[k]);
+        surround_picture_ray(maker->p, picture_column(maker, x), y, piece->rays[k]);
     }
     piece->least = INFINITE;
     piece->most = 0;
@@ -272,92 +279,93 @@ static void set_bounds(const struct maker *m, struct surround_mesh_piece *piece,
     }
 }
 
-static enum status keep_piece(struct maker *m, struct node low, struct node high)
+static enum status keep_piece(struct maker *maker, struct node low, struct node high)
 {
-    struct surround_mesh_piece *pieces = realloc(m->mesh->pieces, sizeof *pieces * ((size_t)m->mesh->count + 1));
+    struct surround_mesh_piece *pieces =
+        realloc(maker->mesh->pieces, sizeof *pieces * ((size_t)maker->mesh->count + 1));
     if (!pieces)
         return fail(ERR_MEMORY, "no memory for a picture's mesh");
-    m->mesh->pieces = pieces;
-    struct surround_mesh_piece *piece = &pieces[m->mesh->count++];
-    *piece = (struct surround_mesh_piece){.vertices = malloc(sizeof *piece->vertices * (size_t)m->vertex_count),
-                                          .indices = malloc(sizeof *piece->indices * (size_t)m->index_count),
-                                          .vertex_count = m->vertex_count,
-                                          .index_count = m->index_count};
+    maker->mesh->pieces = pieces;
+    struct surround_mesh_piece *piece = &pieces[maker->mesh->count++];
+    *piece = (struct surround_mesh_piece){.vertices = malloc(sizeof *piece->vertices * (size_t)maker->vertex_count),
+                                          .indices = malloc(sizeof *piece->indices * (size_t)maker->index_count),
+                                          .vertex_count = maker->vertex_count,
+                                          .index_count = maker->index_count};
     if (!piece->vertices || !piece->indices)
         return fail(ERR_MEMORY, "no memory for a picture's mesh");
-    memcpy(piece->vertices, m->vertices, sizeof *piece->vertices * (size_t)m->vertex_count);
-    memcpy(piece->indices, m->indices, sizeof *piece->indices * (size_t)m->index_count);
-    set_bounds(m, piece, low, high);
+    memcpy(piece->vertices, maker->vertices, sizeof *piece->vertices * (size_t)maker->vertex_count);
+    memcpy(piece->indices, maker->indices, sizeof *piece->indices * (size_t)maker->index_count);
+    set_bounds(maker, piece, low, high);
     return OK;
 }
 
-static void fill_piece(struct maker *m, struct node low, struct node high)
+static void fill_piece(struct maker *maker, struct node low, struct node high)
 {
-    m->vertex_count = m->index_count = m->member_count = 0;
-    m->full = false;
+    maker->vertex_count = maker->index_count = maker->member_count = 0;
+    maker->full = false;
     for (int y = low.y; y < high.y; y += BLOCK)
         for (int x = low.x; x < high.x; x += BLOCK) {
             const struct node tl = {x, y}, tr = {x + BLOCK, y}, bl = {x, y + BLOCK}, br = {x + BLOCK, y + BLOCK};
-            if (falls(x, y, BLOCK)) {
-                triangles(m, br, tl, bl);
-                triangles(m, tl, br, tr);
+            if (has_falling_diagonal(x, y, BLOCK)) {
+                add_triangles(maker, br, tl, bl);
+                add_triangles(maker, tl, br, tr);
             } else {
-                triangles(m, tr, bl, br);
-                triangles(m, bl, tr, tl);
+                add_triangles(maker, tr, bl, br);
+                add_triangles(maker, bl, tr, tl);
             }
         }
     // The last column and row of pixels belong to the last pieces
-    const int right = high.x >= m->cells_across ? m->cells_across : high.x - 1;
-    const int bottom = high.y >= m->cells_down ? m->cells_down : high.y - 1;
+    const int right = high.x >= maker->cells_across ? maker->cells_across : high.x - 1;
+    const int bottom = high.y >= maker->cells_down ? maker->cells_down : high.y - 1;
     for (int y = low.y; y <= bottom; y++)
         for (int x = low.x; x <= right; x++)
-            quarters(m, (struct node){x, y});
-    for (int i = 0; i < m->member_count; i++)
-        m->number[m->members[i]] = -1;
+            add_quarters(maker, (struct node){x, y});
+    for (int i = 0; i < maker->member_count; i++)
+        maker->number[maker->members[i]] = -1;
 }
 
 // What has too many vertices is made in four.
-static enum status make_piece(struct maker *m, struct node low, int size)
+static enum status make_piece(struct maker *maker, struct node low, int size)
 {
-    const struct node high = {low.x + size < m->columns ? low.x + size : m->columns - 1,
-                              low.y + size < m->rows ? low.y + size : m->rows - 1};
+    const struct node high = {low.x + size < maker->columns ? low.x + size : maker->columns - 1,
+                              low.y + size < maker->rows ? low.y + size : maker->rows - 1};
     if (low.x >= high.x || low.y >= high.y)
         return OK;
-    fill_piece(m, low, high);
-    if (!m->full)
-        return m->index_count ? keep_piece(m, low, high) : OK;
+    fill_piece(maker, low, high);
+    if (!maker->full)
+        return maker->index_count ? keep_piece(maker, low, high) : OK;
     assert(size > BLOCK); // whose vertices fit
     enum status status = OK;
     for (int k = 0; k < 4 && status == OK; k++)
-        status = make_piece(m, (struct node){low.x + (k & 1) * size / 2, low.y + (k >> 1) * size / 2}, size / 2);
+        status = make_piece(maker, (struct node){low.x + (k & 1) * size / 2, low.y + (k >> 1) * size / 2}, size / 2);
     return status;
 }
 
-static float pixel_angle(const struct surround_picture *p)
+static float pixel_angle(const struct surround_picture *picture)
 {
-    return p->panorama ? 6.2831853f / (float)p->width : (float)(1 / p->lens.fx);
+    return picture->panorama ? 6.2831853f / (float)picture->width : (float)(1 / picture->lens.fx);
 }
 
-float surround_mesh_tolerance(const struct surround_picture *p) { return pixel_angle(p); }
+float surround_mesh_tolerance(const struct surround_picture *picture) { return pixel_angle(picture); }
 
-static enum status open_maker(struct maker *m)
+static enum status open_maker(struct maker *maker)
 {
-    const struct surround_picture *p = m->p;
-    m->cells_across = p->panorama ? p->width : p->width - 1;
-    m->cells_down = p->height - 1;
-    m->columns = (m->cells_across + BLOCK - 1) / BLOCK * BLOCK + 1;
-    m->rows = (m->cells_down + BLOCK - 1) / BLOCK * BLOCK + 1;
-    const size_t count = (size_t)m->columns * (size_t)m->rows;
-    m->error = calloc(count, sizeof *m->error);
-    m->number = malloc(count * sizeof *m->number);
-    m->vertices = malloc(MOST_VERTICES * sizeof *m->vertices);
-    m->members = malloc(MOST_VERTICES * sizeof *m->members);
+    const struct surround_picture *p = maker->p;
+    maker->cells_across = p->panorama ? p->width : p->width - 1;
+    maker->cells_down = p->height - 1;
+    maker->columns = (maker->cells_across + BLOCK - 1) / BLOCK * BLOCK + 1;
+    maker->rows = (maker->cells_down + BLOCK - 1) / BLOCK * BLOCK + 1;
+    const size_t count = (size_t)maker->columns * (size_t)maker->rows;
+    maker->error = calloc(count, sizeof *maker->error);
+    maker->number = malloc(count * sizeof *maker->number);
+    maker->vertices = malloc(MAX_VERTICES * sizeof *maker->vertices);
+    maker->members = malloc(MAX_VERTICES * sizeof *maker->members);
     // Each vertex of the lattice has two triangles; a quarter's four have two.
-    m->indices = malloc(3 * 2 * MOST_VERTICES * sizeof *m->indices);
-    if (!m->error || !m->number || !m->vertices || !m->members || !m->indices)
+    maker->indices = malloc(3 * 2 * MAX_VERTICES * sizeof *maker->indices);
+    if (!maker->error || !maker->number || !maker->vertices || !maker->members || !maker->indices)
         return fail(ERR_MEMORY, "no memory for a picture's mesh");
     for (size_t i = 0; i < count; i++)
-        m->number[i] = -1;
+        maker->number[i] = -1;
     return OK;
 }
 
@@ -371,7 +379,7 @@ enum status surround_mesh_make(struct surround_mesh *mesh, const struct surround
     enum status status = open_maker(&m);
     if (status == OK) {
         mark_cut(&m);
-        measure(&m);
+        measure_errors(&m);
     }
     for (int y = 0; y < m.rows - 1 && status == OK; y += size)
         for (int x = 0; x < m.columns - 1 && status == OK; x += size)

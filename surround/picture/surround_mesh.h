@@ -27,14 +27,14 @@ struct surround_mesh {
 
 // The share of a pixel's distance that the mesh may be off so that the point moves by at most the picture's own pixel
 // when it is seen from as far aside as it is away.
-float surround_mesh_tolerance(const struct surround_picture *p);
+float surround_mesh_tolerance(const struct surround_picture *picture);
 
 // Of a picture with depth. tolerance: share of a pixel's distance. ERR_MEMORY: *m is empty.
 MUST_CHECK enum status surround_mesh_make(struct surround_mesh *m, const struct surround_picture *p, float tolerance);
-void surround_mesh_free(struct surround_mesh *m); // what was zeroed, too
+void surround_mesh_free(struct surround_mesh *mesh); // what was zeroed, too
 
 // The same, kept with the picture in place of the one that is there; on a thread that has time for it, so that drawing
 // need not make it. ERR_MEMORY: it has none.
 MUST_CHECK enum status surround_picture_make_mesh(struct surround_picture *p);
 // To be called when the depth changes.
-void surround_picture_free_mesh(struct surround_picture *p);
+void surround_picture_free_mesh(struct surround_picture *picture);

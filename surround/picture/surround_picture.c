@@ -1,9 +1,9 @@
 #include "surround/picture/surround_picture.h"
 
 #include "base/clamp.h"
+#include "base/portable_math.h"
 #include "surround/picture/picture_lanes.h"
 #include "surround/picture/surround_mesh.h"
-#include "base/portable_math.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -59,73 +59,74 @@ enum status surround_image_undistort(uint8_t *rgb, struct lens *lens)
     return OK;
 }
 
-void surround_picture_free(struct surround_picture *p)
+void surround_picture_free(struct surround_picture *picture)
 {
-    free(p->rgb);
-    free(p->inverse);
-    free(p->joined);
-    surround_picture_free_mesh(p);
-    free(p->ray_table);
-    *p = (struct surround_picture){0};
+    free(picture->rgb);
+    free(picture->inverse);
+    free(picture->joined);
+    surround_picture_free_mesh(picture);
+    free(picture->ray_table);
+    *picture = (struct surround_picture){0};
 }
 
-void surround_picture_place(struct surround_picture *p, struct pose world_from_camera)
+void surround_picture_place(struct surround_picture *picture, struct pose world_from_camera)
 {
-    p->world_from_camera = world_from_camera;
-    quat_to_matrix(world_from_camera.rotation, p->axes);
+    picture->world_from_camera = world_from_camera;
+    quat_to_matrix(world_from_camera.rotation, picture->axes);
 }
 
-void surround_picture_ray(const struct surround_picture *p, int u, int v, float ray[3])
+void surround_picture_ray(const struct surround_picture *picture, int u, int v, float ray[3])
 {
-    if (p->panorama) {
-        const float *column = p->ray_table + 2 * u, *row = p->ray_table + 2 * (p->width + v);
+    if (picture->panorama) {
+        const float *column = picture->ray_table + 2 * u, *row = picture->ray_table + 2 * (picture->width + v);
         ray[0] = row[0] * column[0];
         ray[1] = -row[1];
         ray[2] = row[0] * column[1];
         return;
     }
-    const float x = (float)((u - p->lens.cx) / p->lens.fx), y = (float)((v - p->lens.cy) / p->lens.fy);
+    const float x = (float)((u - picture->lens.cx) / picture->lens.fx),
+                y = (float)((v - picture->lens.cy) / picture->lens.fy);
     const float scale = 1 / sqrtf(x * x + y * y + 1);
     ray[0] = x * scale;
     ray[1] = y * scale;
     ray[2] = scale;
 }
 
-void surround_picture_rays(const struct surround_picture *p, int u, int v, four ray[3])
+void surround_picture_rays(const struct surround_picture *picture, int u, int v, four ray[3])
 {
-    if (p->panorama) {
-        const float *row = p->ray_table + 2 * (p->width + v);
+    if (picture->panorama) {
+        const float *row = picture->ray_table + 2 * (picture->width + v);
         four a, b;
-        memcpy(&a, p->ray_table + 2 * u, sizeof a);
-        memcpy(&b, p->ray_table + 2 * u + 4, sizeof b);
+        memcpy(&a, picture->ray_table + 2 * u, sizeof a);
+        memcpy(&b, picture->ray_table + 2 * u + 4, sizeof b);
         ray[0] = row[0] * __builtin_shufflevector(a, b, 0, 2, 4, 6);
         ray[1] = FOUR(-row[1]);
         ray[2] = row[0] * __builtin_shufflevector(a, b, 1, 3, 5, 7);
         return;
     }
     const four_doubles column = {u, u + 1, u + 2, u + 3};
-    const four x = __builtin_convertvector((column - p->lens.cx) / p->lens.fx, four);
-    const float y = (float)((v - p->lens.cy) / p->lens.fy);
+    const four x = __builtin_convertvector((column - picture->lens.cx) / picture->lens.fx, four);
+    const float y = (float)((v - picture->lens.cy) / picture->lens.fy);
     const four scale = 1 / four_sqrt(x * x + y * y + 1);
     ray[0] = x * scale;
     ray[1] = y * scale;
     ray[2] = scale;
 }
 
-float surround_picture_distance(const struct surround_picture *p, const double world[3], float camera[3])
+float surround_picture_distance(const struct surround_picture *picture, const double world[3], float camera[3])
 {
-    const struct vec3 *t = &p->world_from_camera.translation;
+    const struct vec3 *t = &picture->world_from_camera.translation;
     const double d[3] = {world[0] - t->x, world[1] - t->y, world[2] - t->z};
     for (int i = 0; i < 3; i++)
-        camera[i] = (float)(p->axes[0][i] * d[0] + p->axes[1][i] * d[1] + p->axes[2][i] * d[2]);
+        camera[i] = (float)(picture->axes[0][i] * d[0] + picture->axes[1][i] * d[1] + picture->axes[2][i] * d[2]);
     return sqrtf(camera[0] * camera[0] + camera[2] * camera[2] + camera[1] * camera[1]);
 }
 
-bool surround_picture_find(const struct surround_picture *p, const float c[3], struct picture_point *out)
+bool surround_picture_find(const struct surround_picture *picture, const float c[3], struct picture_point *out)
 {
-    if (p->panorama) {
+    if (picture->panorama) {
         const float flat2 = c[0] * c[0] + c[2] * c[2];
-        const float w = (float)p->width, h = (float)p->height;
+        const float w = (float)picture->width, h = (float)picture->height;
         out->u = (fast_atan2(c[0], c[2]) * (float)(1 / (2 * PI)) + 0.5f) * w - 0.5f;
         out->v = fast_atan2(sqrtf(flat2), -c[1]) * (float)(1 / PI) * h - 0.5f;
         if (out->u >= w - 0.5f)
@@ -134,34 +135,35 @@ bool surround_picture_find(const struct surround_picture *p, const float c[3], s
     }
     if (c[2] < 1e-3f)
         return false;
-    out->u = (float)(p->lens.fx * (double)(c[0] / c[2]) + p->lens.cx);
-    out->v = (float)(p->lens.fy * (double)(c[1] / c[2]) + p->lens.cy);
-    return out->u > -0.5f && out->v > -0.5f && out->u < (float)p->width - 0.5f && out->v < (float)p->height - 0.5f;
+    out->u = (float)(picture->lens.fx * (double)(c[0] / c[2]) + picture->lens.cx);
+    out->v = (float)(picture->lens.fy * (double)(c[1] / c[2]) + picture->lens.cy);
+    return out->u > -0.5f && out->v > -0.5f && out->u < (float)picture->width - 0.5f &&
+           out->v < (float)picture->height - 0.5f;
 }
 
-bool surround_picture_project(const struct surround_picture *p, const double world[3], struct picture_point *out)
+bool surround_picture_project(const struct surround_picture *picture, const double world[3], struct picture_point *out)
 {
     float camera[3];
-    out->distance = surround_picture_distance(p, world, camera);
-    return surround_picture_find(p, camera, out);
+    out->distance = surround_picture_distance(picture, world, camera);
+    return surround_picture_find(picture, camera, out);
 }
 
-void surround_picture_distances(const struct surround_picture *p, const four_doubles world[3], four camera[3],
+void surround_picture_distances(const struct surround_picture *picture, const four_doubles world[3], four camera[3],
                                 struct four_points *out)
 {
-    const struct vec3 *t = &p->world_from_camera.translation;
+    const struct vec3 *t = &picture->world_from_camera.translation;
     const four_doubles d[3] = {world[0] - t->x, world[1] - t->y, world[2] - t->z};
     for (int i = 0; i < 3; i++) {
-        const four_doubles sum = p->axes[0][i] * d[0] + p->axes[1][i] * d[1] + p->axes[2][i] * d[2];
+        const four_doubles sum = picture->axes[0][i] * d[0] + picture->axes[1][i] * d[1] + picture->axes[2][i] * d[2];
         camera[i] = __builtin_convertvector(sum, four);
     }
     out->distance = four_sqrt(camera[0] * camera[0] + camera[2] * camera[2] + camera[1] * camera[1]);
 }
 
-void surround_picture_find_four(const struct surround_picture *p, const four c[3], struct four_points *out)
+void surround_picture_find_four(const struct surround_picture *picture, const four c[3], struct four_points *out)
 {
-    const float w = (float)p->width, h = (float)p->height;
-    if (p->panorama) {
+    const float w = (float)picture->width, h = (float)picture->height;
+    if (picture->panorama) {
         const four flat = four_sqrt(c[0] * c[0] + c[2] * c[2]);
         const four u = (four_atan2(c[0], c[2]) * (float)(1 / (2 * PI)) + 0.5f) * w - 0.5f;
         out->u = FOUR_SELECT(u >= w - 0.5f, u - w, u);
@@ -171,8 +173,8 @@ void surround_picture_find_four(const struct surround_picture *p, const four c[3
     }
     const four_doubles x = __builtin_convertvector(c[0] / c[2], four_doubles);
     const four_doubles y = __builtin_convertvector(c[1] / c[2], four_doubles);
-    out->u = __builtin_convertvector(p->lens.fx * x + p->lens.cx, four);
-    out->v = __builtin_convertvector(p->lens.fy * y + p->lens.cy, four);
+    out->u = __builtin_convertvector(picture->lens.fx * x + picture->lens.cx, four);
+    out->v = __builtin_convertvector(picture->lens.fy * y + picture->lens.cy, four);
     out->inside = (c[2] >= 1e-3f) & (out->u > -0.5f) & (out->v > -0.5f) & (out->u < w - 0.5f) & (out->v < h - 0.5f);
 }
 
@@ -184,9 +186,9 @@ static void catmull_rom(float t, float weight[4])
     weight[3] = (0.5f * t - 0.5f) * t * t;
 }
 
-static int column_of(const struct surround_picture *p, int u)
+static int column_of(const struct surround_picture *picture, int u)
 {
-    return clamp_int(surround_picture_column(p, u), 0, p->width - 1);
+    return clamp_int(surround_picture_column(picture, u), 0, picture->width - 1);
 }
 
 typedef uint8_t bytes16 __attribute__((vector_size(16)));
@@ -202,31 +204,31 @@ static four pixel_color(const uint8_t *rgb)
     return __builtin_convertvector((four_ints)__builtin_shufflevector(words, no_words, 0, 8, 1, 9, 2, 10, 3, 11), four);
 }
 
-void surround_picture_sample(const struct surround_picture *p, float u, float v, float rgb[3])
+void surround_picture_sample(const struct surround_picture *picture, float u, float v, float rgb[3])
 {
     const int x = floor_of(u), y = floor_of(v);
-    const bool within = x >= 1 && x + 3 < p->width; // and a pixel more, whose first byte is read
+    const bool within = x >= 1 && x + 3 < picture->width; // and a pixel more, whose first byte is read
     float wx[4], wy[4];
     four sum = {0};
     catmull_rom(u - (float)x, wx);
     catmull_rom(v - (float)y, wy);
     for (int j = 0; j < 4; j++) {
-        const int row = clamp_int(y + j - 1, 0, p->height - 1);
-        const uint8_t *from = p->rgb + 3 * (size_t)row * (size_t)p->width;
+        const int row = clamp_int(y + j - 1, 0, picture->height - 1);
+        const uint8_t *from = picture->rgb + 3 * (size_t)row * (size_t)picture->width;
         four line = {0};
         for (int i = 0; i < 4; i++) {
-            const int column = within ? x + i - 1 : column_of(p, x + i - 1);
+            const int column = within ? x + i - 1 : column_of(picture, x + i - 1);
             const uint8_t *pixel = from + 3 * (size_t)column;
             line += wx[i] * (within ? pixel_color(pixel) : (four){pixel[0], pixel[1], pixel[2]});
         }
         sum += wy[j] * line;
     }
     for (int c = 0; c < 3; c++)
-        rgb[c] = clamp_float(sum[c] * p->gain[c], 0, 255);
+        rgb[c] = clamp_float(sum[c] * picture->gain[c], 0, 255);
 }
 
 // Whether b follows a on one surface: little apart, or on the line through what lies before a or after b.
-static bool continues(float before, float a, float b, float after)
+static bool is_continuous(float before, float a, float b, float after)
 {
     if (a < 0 || b < 0)
         return false;
@@ -235,25 +237,26 @@ static bool continues(float before, float a, float b, float after)
            (after >= 0 && fabsf(2 * b - after - a) <= tolerance);
 }
 
-void surround_picture_join(struct surround_picture *p)
+void surround_picture_join(struct surround_picture *picture)
 {
-    const int w = p->width, h = p->height;
+    const int w = picture->width, h = picture->height;
     for (int v = 0; v < h; v++)
         for (int u = 0; u < w; u++) {
-            const float *row = p->inverse + (size_t)v * (size_t)w;
-            const bool last = !p->panorama && u == w - 1;
+            const float *row = picture->inverse + (size_t)v * (size_t)w;
+            const bool last = !picture->panorama && u == w - 1;
             uint8_t joined = 0;
-            if (!last &&
-                continues(row[column_of(p, u - 1)], row[u], row[column_of(p, u + 1)], row[column_of(p, u + 2)]))
+            if (!last && is_continuous(row[column_of(picture, u - 1)], row[u], row[column_of(picture, u + 1)],
+                                       row[column_of(picture, u + 2)]))
                 joined |= JOINED_RIGHT;
-            if (v + 1 < h && continues(row[v > 0 ? u - w : u], row[u], row[u + w], row[v + 2 < h ? u + 2 * w : u + w]))
+            if (v + 1 < h &&
+                is_continuous(row[v > 0 ? u - w : u], row[u], row[u + w], row[v + 2 < h ? u + 2 * w : u + w]))
                 joined |= JOINED_DOWN;
-            p->joined[(size_t)v * (size_t)w + (size_t)u] = joined;
+            picture->joined[(size_t)v * (size_t)w + (size_t)u] = joined;
         }
     for (int v = 0; v + 1 < h; v++)
         for (int u = 0; u < w; u++) {
-            uint8_t *here = p->joined + (size_t)v * (size_t)w + (size_t)u;
-            const uint8_t *right = p->joined + (size_t)v * (size_t)w + (size_t)column_of(p, u + 1);
+            uint8_t *here = picture->joined + (size_t)v * (size_t)w + (size_t)u;
+            const uint8_t *right = picture->joined + (size_t)v * (size_t)w + (size_t)column_of(picture, u + 1);
             if ((*here & 3) == 3 && (*right & JOINED_DOWN) && (here[w] & JOINED_RIGHT))
                 *here |= JOINED_DIAGONAL;
         }

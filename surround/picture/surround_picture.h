@@ -43,27 +43,27 @@ MUST_CHECK enum status surround_picture_make(struct surround_picture *p, uint8_t
 // The image that an ideal lens of the same size and focal length would have taken: rgb as `lens` took it, in place of
 // which the result is written; lens loses its distortion. ERR_MEMORY.
 MUST_CHECK enum status surround_image_undistort(uint8_t *rgb, struct lens *lens);
-void surround_picture_free(struct surround_picture *p); // what was zeroed, too
+void surround_picture_free(struct surround_picture *picture); // what was zeroed, too
 
-void surround_picture_place(struct surround_picture *p, struct pose world_from_camera);
+void surround_picture_place(struct surround_picture *picture, struct pose world_from_camera);
 
 // Marks the pixels that lie on one surface: neighbours whose depth continues each other's slope within 3 %.
 // Needs inverse; fills joined, without DEPTH_EXTRAPOLATED.
-void surround_picture_join(struct surround_picture *p);
+void surround_picture_join(struct surround_picture *picture);
 
 // The column that u stands for: a panorama's last column borders on its first, so that u may be up to a width outside.
 // Other pictures do not wrap.
-static inline int surround_picture_column(const struct surround_picture *p, int u)
+static inline int surround_picture_column(const struct surround_picture *picture, int u)
 {
-    if (!p->panorama)
+    if (!picture->panorama)
         return u;
     if (u < 0)
-        return u + p->width;
-    return u >= p->width ? u - p->width : u;
+        return u + picture->width;
+    return u >= picture->width ? u - picture->width : u;
 }
 
 // Unit vector in camera axes through a pixel.
-void surround_picture_ray(const struct surround_picture *p, int u, int v, float ray[3]);
+void surround_picture_ray(const struct surround_picture *picture, int u, int v, float ray[3]);
 
 struct picture_point {
     float u, v;     // pixels
@@ -72,11 +72,11 @@ struct picture_point {
 
 // Where a world point lies in the picture. False: behind a perspective picture or outside it. Panoramas wrap: u is in
 // [-0.5, width - 0.5).
-bool surround_picture_project(const struct surround_picture *p, const double world[3], struct picture_point *out);
+bool surround_picture_project(const struct surround_picture *picture, const double world[3], struct picture_point *out);
 // Its two steps, for who may do without the second: the point in camera axes and, returned, its distance; then u and v
 // of a point in camera axes, with out->distance given.
-float surround_picture_distance(const struct surround_picture *p, const double world[3], float camera[3]);
-bool surround_picture_find(const struct surround_picture *p, const float camera[3], struct picture_point *out);
+float surround_picture_distance(const struct surround_picture *picture, const double world[3], float camera[3]);
+bool surround_picture_find(const struct surround_picture *picture, const float camera[3], struct picture_point *out);
 
 // The colour at (u, v), by Catmull-Rom interpolation, times the gain.
-void surround_picture_sample(const struct surround_picture *p, float u, float v, float rgb[3]);
+void surround_picture_sample(const struct surround_picture *picture, float u, float v, float rgb[3]);

@@ -29,7 +29,7 @@ static bool parse_pose(const char *text, struct pose *out)
 static bool parse_time(const char *text, char **rest, int64_t *time_ns)
 {
     const double seconds = strtod(text, rest);
-    if (*rest == text || !(fabs(seconds) < SECONDS_MOST))
+    if (*rest == text || !(fabs(seconds) < SECONDS_MAX))
         return false;
     *time_ns = llround(seconds * 1e9);
     return true;
@@ -146,17 +146,17 @@ struct pose pose_list_at(const struct timed_pose *list, int count, int64_t time_
         return list[0].pose;
     if (after == count)
         return list[count - 1].pose;
-    const struct timed_pose *a = &list[after - 1], *b = &list[after];
-    const double t = (double)(time_ns - a->time_ns) / (double)(b->time_ns - a->time_ns);
-    return (struct pose){quat_slerp(a->pose.rotation, b->pose.rotation, t),
-                         v3_mix(a->pose.translation, b->pose.translation, t)};
+    const struct timed_pose *pose = &list[after - 1], *b = &list[after];
+    const double t = (double)(time_ns - pose->time_ns) / (double)(b->time_ns - pose->time_ns);
+    return (struct pose){quat_slerp(pose->pose.rotation, b->pose.rotation, t),
+                         v3_mix(pose->pose.translation, b->pose.translation, t)};
 }
 
 // ---------------------------------------------------------------- surround set
 
 static const char *const camera_names[SURROUND_DEPTH_CAMERAS] = {"front", "left", "back", "right"};
 static const double FARTHEST_M = 100; // a camera from the body's middle: no body is longer
-#define MOST_APART_NS 50000000        // files of one instant: half of a frame at 10 Hz
+#define MAX_APART_NS 50000000         // files of one instant: half of a frame at 10 Hz
 
 static enum status read_lens(const struct json *from, const char *path, struct lens *out)
 {
@@ -284,7 +284,7 @@ static const char *file_at(const struct timed_file *list, int count, int64_t tim
     while (*from + 1 < count && llabs(list[*from + 1].time_ns - time_ns) < llabs(list[*from].time_ns - time_ns))
         ++*from;
     const struct timed_file *best = count ? &list[*from] : NULL;
-    return best && llabs(best->time_ns - time_ns) <= MOST_APART_NS ? best->path : NULL;
+    return best && llabs(best->time_ns - time_ns) <= MAX_APART_NS ? best->path : NULL;
 }
 
 static enum status read_captures(struct surround_set *set, const char *folder)

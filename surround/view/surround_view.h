@@ -7,13 +7,13 @@
 #include "surround/picture/surround_picture.h"
 
 struct view_options {
-    int geometry_pictures; // how many of the nearest pictures give depth, 1..SURROUND_MOST_LAYERS
+    int geometry_pictures; // how many of the nearest pictures give depth, 1..SURROUND_MAX_LAYERS
     int texture_pictures;  // how many are blended in a pixel, 1..4
     bool depth_test;       // equation 1
     double apart;          // depths farther apart than this share are two surfaces, 0.04
 };
 static const double VIEW_RESOLUTION_COST = 0.3; // radians of angle that half the wanted resolution is worth
-enum { SURROUND_MOST_LAYERS = 48 };
+enum { SURROUND_MAX_LAYERS = 48 };
 struct view_options view_default_options(void);
 
 // What a pixel of source[] holds.

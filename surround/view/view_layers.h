@@ -4,7 +4,7 @@
 
 // Draws a picture's surface into inverse_z[width * height] (1 / z of the view; negative where it draws nothing; the
 // nearest wins). Surfaces that turn their back to the view are left out.
-void view_warp(const struct surround_view *view, const struct surround_picture *p, float *inverse_z);
+void view_warp(const struct surround_view *view, const struct surround_picture *picture, float *inverse_z);
 
 // Whether the picture sees the world point itself at `at`: 1 yes; 0 something in front hides it; -1 it looks through
 // the point at something behind; 2 it knows nothing there. `apart`: share by which distances of one surface may differ.

@@ -18,48 +18,48 @@ enum { GRID = 40, FEWEST = 40, DARKEST = 12, BRIGHTEST = 243, COMPARED = 4, ALIK
 #define SIGMA_PAIR 0.004 // a ratio is never better than this
 #define NEAR_M     0.05  // pictures nearer to a view than this count alike; as far as poses may be off
 
-void exposure_free(struct exposure *e)
+void exposure_free(struct exposure *exposure)
 {
-    free(e->pairs);
-    free(e->log_gain);
-    *e = (struct exposure){0};
+    free(exposure->pairs);
+    free(exposure->log_gain);
+    *exposure = (struct exposure){0};
 }
 
-static enum status grow(struct exposure *e, int pictures)
+static enum status grow_exposure(struct exposure *exposure, int pictures)
 {
-    if (pictures > e->picture_room) {
+    if (pictures > exposure->picture_room) {
         const int room = pictures * 2 + 16;
-        double(*gains)[3] = realloc(e->log_gain, (size_t)room * sizeof *gains);
+        double(*gains)[3] = realloc(exposure->log_gain, (size_t)room * sizeof *gains);
         if (!gains)
             return fail(ERR_MEMORY, "no memory for exposure");
-        e->log_gain = gains;
-        e->picture_room = room;
+        exposure->log_gain = gains;
+        exposure->picture_room = room;
     }
-    for (; e->picture_count < pictures; e->picture_count++)
+    for (; exposure->picture_count < pictures; exposure->picture_count++)
         for (int c = 0; c < 3; c++)
-            e->log_gain[e->picture_count][c] = 0;
-    if (e->pair_count + COMPARED > e->pair_room) {
-        const int room = e->pair_room * 2 + 64;
-        struct exposure_pair *pairs = realloc(e->pairs, (size_t)room * sizeof *pairs);
+            exposure->log_gain[exposure->picture_count][c] = 0;
+    if (exposure->pair_count + COMPARED > exposure->pair_room) {
+        const int room = exposure->pair_room * 2 + 64;
+        struct exposure_pair *pairs = realloc(exposure->pairs, (size_t)room * sizeof *pairs);
         if (!pairs)
             return fail(ERR_MEMORY, "no memory for exposure");
-        e->pairs = pairs;
-        e->pair_room = room;
+        exposure->pairs = pairs;
+        exposure->pair_room = room;
     }
     return OK;
 }
 
 // Mean of 3 x 3 pixels. False: at the edge, dark or saturated.
-static bool mean_colour(const struct surround_picture *p, float u, float v, double out[3])
+static bool mean_colour(const struct surround_picture *picture, float u, float v, double out[3])
 {
     const int x = (int)floorf(u + 0.5f), y = (int)floorf(v + 0.5f);
-    if (x < 1 || y < 1 || x + 1 >= p->width || y + 1 >= p->height)
+    if (x < 1 || y < 1 || x + 1 >= picture->width || y + 1 >= picture->height)
         return false;
     int sum[3] = {0};
     for (int k = 0; k < 9; k++) {
-        const size_t at = (size_t)(y + k / 3 - 1) * (size_t)p->width + (size_t)(x + k % 3 - 1);
+        const size_t at = (size_t)(y + k / 3 - 1) * (size_t)picture->width + (size_t)(x + k % 3 - 1);
         for (size_t c = 0; c < 3; c++) {
-            const int value = p->rgb[3 * at + c];
+            const int value = picture->rgb[3 * at + c];
             if (value < DARKEST || value > BRIGHTEST)
                 return false;
             sum[c] += value;
@@ -70,19 +70,19 @@ static bool mean_colour(const struct surround_picture *p, float u, float v, doub
     return true;
 }
 
-static int rising(const void *a, const void *b)
+static int compare_doubles(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
-static double median(double *list, int count)
+static double find_median(double *list, int count)
 {
-    qsort(list, (size_t)count, sizeof *list, rising);
+    qsort(list, (size_t)count, sizeof *list, compare_doubles);
     return list[count / 2];
 }
 
-static void measure(const struct surround_picture *a, const struct surround_picture *b, struct exposure_pair *out)
+static void measure_pair(const struct surround_picture *a, const struct surround_picture *b, struct exposure_pair *out)
 {
     double ratios[3][GRID * GRID];
     int n = 0;
@@ -112,29 +112,30 @@ static void measure(const struct surround_picture *a, const struct surround_pict
         return;
     out->measured = true;
     for (int k = 0; k < 3; k++) {
-        const double middle = median(ratios[k], n);
+        const double middle = find_median(ratios[k], n);
         for (int i = 0; i < n; i++)
             ratios[k][i] = fabs(ratios[k][i] - middle);
-        const double sigma = 1.4826 * median(ratios[k], n); // of a normal distribution from the median deviation
+        const double sigma = 1.4826 * find_median(ratios[k], n); // of a normal distribution from the median deviation
         // A median's variance is pi / 2 times the mean's
         out->log_ratio[k] = middle;
         out->information[k] = 1 / (1.5708 * sigma * sigma * ALIKE / n + SIGMA_PAIR * SIGMA_PAIR);
     }
 }
 
-static bool is_met(const struct exposure *e, int a, int b)
+static bool is_met(const struct exposure *exposure, int a, int b)
 {
-    for (int i = 0; i < e->pair_count; i++)
-        if ((e->pairs[i].a == a && e->pairs[i].b == b) || (e->pairs[i].a == b && e->pairs[i].b == a))
+    for (int i = 0; i < exposure->pair_count; i++)
+        if ((exposure->pairs[i].a == a && exposure->pairs[i].b == b) ||
+            (exposure->pairs[i].a == b && exposure->pairs[i].b == a))
             return true;
     return false;
 }
 
-static int count_of(const struct exposure *e, int picture)
+static int count_of(const struct exposure *exposure, int picture)
 {
     int n = 0;
-    for (int i = 0; i < e->pair_count; i++)
-        n += e->pairs[i].a == picture || e->pairs[i].b == picture;
+    for (int i = 0; i < exposure->pair_count; i++)
+        n += exposure->pairs[i].a == picture || exposure->pairs[i].b == picture;
     return n;
 }
 
@@ -143,17 +144,17 @@ struct pair_lists {
     int *first, *next; // -1 ends a list
 };
 
-static enum status list_pairs(const struct exposure *e, struct pair_lists *out)
+static enum status list_pairs(const struct exposure *exposure, struct pair_lists *out)
 {
-    out->first = malloc(((size_t)e->picture_count + 1) * sizeof *out->first);
-    out->next = malloc((2 * (size_t)e->pair_count + 1) * sizeof *out->next);
+    out->first = malloc(((size_t)exposure->picture_count + 1) * sizeof *out->first);
+    out->next = malloc((2 * (size_t)exposure->pair_count + 1) * sizeof *out->next);
     if (!out->first || !out->next)
         return fail(ERR_MEMORY, "no memory for exposure");
-    for (int p = 0; p < e->picture_count; p++)
+    for (int p = 0; p < exposure->picture_count; p++)
         out->first[p] = -1;
-    for (int i = 0; i < 2 * e->pair_count; i++) {
-        const int p = i & 1 ? e->pairs[i / 2].b : e->pairs[i / 2].a;
-        if (!e->pairs[i / 2].measured)
+    for (int i = 0; i < 2 * exposure->pair_count; i++) {
+        const int p = i & 1 ? exposure->pairs[i / 2].b : exposure->pairs[i / 2].a;
+        if (!exposure->pairs[i / 2].measured)
             continue;
         out->next[i] = out->first[p];
         out->first[p] = i;
@@ -163,83 +164,83 @@ static enum status list_pairs(const struct exposure *e, struct pair_lists *out)
 
 // The sum of the logarithms of those that are compared with each other, directly or not, is made 0: the iteration comes
 // to that only slowly. group: of picture_count, overwritten.
-static void centre(struct exposure *e, int *group)
+static void centre_gains(struct exposure *exposure, int *group)
 {
-    for (int p = 0; p < e->picture_count; p++)
+    for (int p = 0; p < exposure->picture_count; p++)
         group[p] = p;
     for (bool changed = true; changed;) {
         changed = false;
-        for (int i = 0; i < e->pair_count; i++) {
-            const struct exposure_pair *pair = &e->pairs[i];
-            const int least = group[pair->a] < group[pair->b] ? group[pair->a] : group[pair->b];
+        for (int i = 0; i < exposure->pair_count; i++) {
+            const struct exposure_pair *pair = &exposure->pairs[i];
+            const int min = group[pair->a] < group[pair->b] ? group[pair->a] : group[pair->b];
             if (!pair->measured || group[pair->a] == group[pair->b])
                 continue;
-            group[pair->a] = group[pair->b] = least;
+            group[pair->a] = group[pair->b] = min;
             changed = true;
         }
     }
-    for (int g = 0; g < e->picture_count; g++)
+    for (int g = 0; g < exposure->picture_count; g++)
         for (int c = 0; c < 3; c++) {
             double sum = 0;
             int count = 0;
-            for (int p = g; p < e->picture_count; p++)
+            for (int p = g; p < exposure->picture_count; p++)
                 if (group[p] == g) {
-                    sum += e->log_gain[p][c];
+                    sum += exposure->log_gain[p][c];
                     count++;
                 }
-            for (int p = g; count && p < e->picture_count; p++)
+            for (int p = g; count && p < exposure->picture_count; p++)
                 if (group[p] == g)
-                    e->log_gain[p][c] -= sum / count;
+                    exposure->log_gain[p][c] -= sum / count;
         }
 }
 
 // Gauss and Seidel's iteration, from the gains there are.
-static enum status solve(struct exposure *e)
+static enum status solve_gains(struct exposure *exposure)
 {
     struct pair_lists lists = {0};
-    const enum status status = list_pairs(e, &lists);
-    for (int step = 0; status == OK && step < SWEEPS * e->picture_count; step++) {
-        const int p = step % e->picture_count;
+    const enum status status = list_pairs(exposure, &lists);
+    for (int step = 0; status == OK && step < SWEEPS * exposure->picture_count; step++) {
+        const int p = step % exposure->picture_count;
         double sum[3] = {0}, weights[3];
         for (int c = 0; c < 3; c++)
             weights[c] = 1 / (SIGMA_GAIN * SIGMA_GAIN);
         for (int i = lists.first[p]; i >= 0; i = lists.next[i]) {
-            const struct exposure_pair *pair = &e->pairs[i / 2];
+            const struct exposure_pair *pair = &exposure->pairs[i / 2];
             for (int c = 0; c < 3; c++) {
                 weights[c] += pair->information[c];
-                sum[c] += pair->information[c] * (i & 1 ? e->log_gain[pair->a][c] - pair->log_ratio[c]
-                                                        : e->log_gain[pair->b][c] + pair->log_ratio[c]);
+                sum[c] += pair->information[c] * (i & 1 ? exposure->log_gain[pair->a][c] - pair->log_ratio[c]
+                                                        : exposure->log_gain[pair->b][c] + pair->log_ratio[c]);
             }
         }
         for (int c = 0; c < 3; c++)
-            e->log_gain[p][c] = sum[c] / weights[c];
+            exposure->log_gain[p][c] = sum[c] / weights[c];
     }
     if (status == OK)
-        centre(e, lists.first);
+        centre_gains(exposure, lists.first);
     free(lists.first);
     free(lists.next);
     return status;
 }
 
 // Compares a picture with the nearest others. Returns how many comparisons came.
-static enum status compare(struct exposure *e, const struct surround_picture *all,
-                           const struct surround_picture *const *some, int count, int one, int *added)
+static enum status compare_picture(struct exposure *exposure, const struct surround_picture *all,
+                                   const struct surround_picture *const *some, int count, int one, int *added)
 {
     const int a = (int)(some[one] - all);
-    for (int reach = 1; reach < count && count_of(e, a) < COMPARED; reach++)
+    for (int reach = 1; reach < count && count_of(exposure, a) < COMPARED; reach++)
         for (int side = -1; side <= 1; side += 2) {
             const int other = one + side * reach;
-            if (other < 0 || other >= count || count_of(e, a) >= COMPARED)
+            if (other < 0 || other >= count || count_of(exposure, a) >= COMPARED)
                 continue;
             const int b = (int)(some[other] - all);
-            const enum status status = grow(e, (a > b ? a : b) + 1);
+            const enum status status = grow_exposure(exposure, (a > b ? a : b) + 1);
             if (status != OK)
                 return status;
-            if (is_met(e, a, b))
+            if (is_met(exposure, a, b))
                 continue;
-            struct exposure_pair *pair = &e->pairs[e->pair_count++];
+            struct exposure_pair *pair = &exposure->pairs[exposure->pair_count++];
             *pair = (struct exposure_pair){.a = a, .b = b};
-            measure(some[one], some[other], pair);
+            measure_pair(some[one], some[other], pair);
             ++*added;
         }
     return OK;
@@ -251,16 +252,16 @@ enum status exposure_even(struct exposure *e, struct surround_picture *all, cons
     int added = 0;
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++)
-        status = compare(e, all, some, count, i, &added);
+        status = compare_picture(e, all, some, count, i, &added);
     if (status == OK && added)
-        status = solve(e);
+        status = solve_gains(e);
     for (int p = 0; status == OK && added && p < e->picture_count; p++)
         for (int c = 0; c < 3; c++)
             all[p].gain[c] = (float)portable_exp(e->log_gain[p][c]);
     return status;
 }
 
-void exposure_suit_view(const struct exposure *e, struct surround_picture *all,
+void exposure_suit_view(const struct exposure *exposure, struct surround_picture *all,
                         const struct surround_picture *const *ranked, int count, int near, struct pose world_from_view)
 {
     const double last = near < count ? surround_view_distance(world_from_view, ranked[near]) + NEAR_M : INFINITY;
@@ -270,15 +271,15 @@ void exposure_suit_view(const struct exposure *e, struct surround_picture *all,
         const double away = surround_view_distance(world_from_view, ranked[i]) + NEAR_M;
         // Shepard's weights, 1968; where all are as far as the next, they count alike
         const double weight = 1 / (away * away) - (1 - 1e-6) / (last * last);
-        if (p >= e->picture_count)
+        if (p >= exposure->picture_count)
             continue;
         weights += weight;
         for (int c = 0; c < 3; c++)
-            own[c] += weight * e->log_gain[p][c];
+            own[c] += weight * exposure->log_gain[p][c];
     }
-    for (int p = 0; p < e->picture_count; p++)
+    for (int p = 0; p < exposure->picture_count; p++)
         for (int c = 0; c < 3; c++)
-            all[p].gain[c] = (float)portable_exp(e->log_gain[p][c] - own[c] / weights);
+            all[p].gain[c] = (float)portable_exp(exposure->log_gain[p][c] - own[c] / weights);
 }
 
 // ---------------------------------------------------------------- view merge
@@ -288,7 +289,7 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
 {
     const int u = floor_of(at->u + 0.5f), v = floor_of(at->v + 0.5f);
     const float wanted = 1 / at->distance;
-    float least = 1e9f, most = DEPTH_UNKNOWN;
+    float min = 1e9f, max = DEPTH_UNKNOWN;
     for (int j = -1; j <= 1; j++)
         for (int i = -1; i <= 1; i++) {
             const int x = surround_picture_column(p, u + i), y = v + j;
@@ -297,20 +298,20 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
             const float inverse = p->inverse[(size_t)y * (size_t)p->width + (size_t)x];
             if (inverse < 0)
                 continue;
-            least = inverse < least ? inverse : least;
-            most = inverse > most ? inverse : most;
+            min = inverse < min ? inverse : min;
+            max = inverse > max ? inverse : max;
         }
-    if (most < 0)
+    if (max < 0)
         return SIGHT_UNKNOWN;
-    if (least > wanted * (1 + apart) + 1e-4f)
+    if (min > wanted * (1 + apart) + 1e-4f)
         return SIGHT_HIDDEN;
-    return most < wanted * (1 - apart) - 1e-4f ? SIGHT_THROUGH : SIGHT_SEEN;
+    return max < wanted * (1 - apart) - 1e-4f ? SIGHT_THROUGH : SIGHT_SEEN;
 }
 
 // Where so much of the weight looks through every candidate, no picture has seen what is there: a wall was continued
 // too far. Of 0.6, 0.75 and 0.85, on 24 views of a robot's corridor, the least that drew the seen pixels
 // best: 25.9, 26.0, 26.1 dB, with 0.67, 0.61, 0.57 of the unseen marked (before unsupported surfaces were left out).
-#define MOST_THROUGH 0.75
+#define MAX_THROUGH 0.75
 
 // A surface that at most so much of the weight looks through is taken.
 #define HALF 0.5
@@ -320,29 +321,29 @@ struct candidate {
     int layer;
 };
 
-enum { MOST_ASKED = 8 };  // the nearest pictures are asked what they see of a candidate
+enum { MAX_ASKED = 8 };   // the nearest pictures are asked what they see of a candidate
 #define CONTRADICTS 0.03f // what is farther behind it than this share is another surface
 
 // The four pixels around a point, of which the first is the cell's (joined[]).
-static void around(const struct surround_picture *p, const struct picture_point *at, size_t pixels[4])
+static void pixels_around(const struct surround_picture *picture, const struct picture_point *at, size_t pixels[4])
 {
-    const int u = floor_of(at->u), v = floor_of(at->v), last = p->width - 1;
-    const size_t left = (size_t)clamp_int(surround_picture_column(p, u), 0, last);
-    const size_t right = (size_t)clamp_int(surround_picture_column(p, u + 1), 0, last);
-    const size_t above = (size_t)(v > 0 ? v : 0) * (size_t)p->width;
-    const size_t below = (size_t)(v + 1 < p->height ? v + 1 : p->height - 1) * (size_t)p->width;
+    const int u = floor_of(at->u), v = floor_of(at->v), last = picture->width - 1;
+    const size_t left = (size_t)clamp_int(surround_picture_column(picture, u), 0, last);
+    const size_t right = (size_t)clamp_int(surround_picture_column(picture, u + 1), 0, last);
+    const size_t above = (size_t)(v > 0 ? v : 0) * (size_t)picture->width;
+    const size_t below = (size_t)(v + 1 < picture->height ? v + 1 : picture->height - 1) * (size_t)picture->width;
     pixels[0] = above + left, pixels[1] = above + right;
     pixels[2] = below + left, pixels[3] = below + right;
 }
 
 // Whether one of them is farther than the point.
-static bool may_look_through(const struct surround_picture *p, const struct picture_point *at)
+static bool may_look_through(const struct surround_picture *picture, const struct picture_point *at)
 {
     const float bound = 1 / at->distance * (1 - CONTRADICTS) - 1e-4f;
     size_t pixels[4];
-    around(p, at, pixels);
+    pixels_around(picture, at, pixels);
     for (int k = 0; k < 4; k++)
-        if (p->inverse[pixels[k]] >= 0 && p->inverse[pixels[k]] < bound)
+        if (picture->inverse[pixels[k]] >= 0 && picture->inverse[pixels[k]] < bound)
             return true;
     return false;
 }
@@ -354,17 +355,17 @@ struct votes {
 
 // By the share of the four pixels around: the edges of several pictures' pixels then make one that is finer than each.
 // A surface is compared where the point is on it, not at its pixels, which on the road far ahead differ by more.
-static struct votes votes_of(const struct surround_picture *p, const struct picture_point *at)
+static struct votes votes_of(const struct surround_picture *picture, const struct picture_point *at)
 {
     const float fu = at->u - (float)floor_of(at->u), fv = at->v - (float)floor_of(at->v);
     const float wanted = 1 / at->distance;
     struct votes out = {0, 0};
     size_t pixels[4];
     float value[4];
-    around(p, at, pixels);
+    pixels_around(picture, at, pixels);
     for (int k = 0; k < 4; k++)
-        value[k] = p->inverse[pixels[k]];
-    if (at->v >= 0 && p->joined[pixels[0]] & JOINED_DIAGONAL) {
+        value[k] = picture->inverse[pixels[k]];
+    if (at->v >= 0 && picture->joined[pixels[0]] & JOINED_DIAGONAL) {
         const float one = (1 - fv) * ((1 - fu) * value[0] + fu * value[1]) + fv * ((1 - fu) * value[2] + fu * value[3]);
         for (int k = 0; k < 4; k++)
             value[k] = one;
@@ -384,8 +385,8 @@ static double error_of(const struct surround_view *view, const struct surround_p
                        int pixel, float inverse_z)
 {
     double world[3], sum = 0, weights = 0;
-    struct picture_point seen[MOST_ASKED];
-    bool inside[MOST_ASKED], through = false;
+    struct picture_point seen[MAX_ASKED];
+    bool inside[MAX_ASKED], through = false;
     surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, inverse_z, world);
     for (int i = 0; i < count; i++) {
         inside[i] = surround_picture_project(pictures[i], world, &seen[i]);
@@ -406,7 +407,7 @@ static double error_of(const struct surround_view *view, const struct surround_p
 }
 
 // Sorted from the nearest; returns how many.
-static int collect(const float *layers, size_t pixels, int count, size_t pixel, struct candidate *out)
+static int collect_candidates(const float *layers, size_t pixels, int count, size_t pixel, struct candidate *out)
 {
     int n = 0;
     for (int l = 0; l < count; l++) {
@@ -422,24 +423,24 @@ static int collect(const float *layers, size_t pixels, int count, size_t pixel, 
 }
 
 // The end of the surface that begins at candidate `from`.
-static int surface_end(const struct candidate *c, int count, int from, double apart)
+static int surface_end(const struct candidate *candidate, int count, int from, double apart)
 {
     int end = from + 1;
-    while (end < count && c[end].inverse_z >= (float)(1 - apart) * c[from].inverse_z - 1e-4f)
+    while (end < count && candidate[end].inverse_z >= (float)(1 - apart) * candidate[from].inverse_z - 1e-4f)
         end++;
     return end;
 }
 
 // The mean of a surface's depths, the nearer pictures (lower layers) counting more.
-static struct candidate surface_mean(const struct candidate *c, int from, int end)
+static struct candidate surface_mean(const struct candidate *candidate, int from, int end)
 {
     double sum = 0, weights = 0;
-    struct candidate out = c[from];
+    struct candidate out = candidate[from];
     for (int i = from; i < end; i++) {
-        const double w = 1.0 / (1 + c[i].layer);
-        sum += w * (double)c[i].inverse_z;
+        const double w = 1.0 / (1 + candidate[i].layer);
+        sum += w * (double)candidate[i].inverse_z;
         weights += w;
-        out.layer = c[i].layer < out.layer ? c[i].layer : out.layer;
+        out.layer = candidate[i].layer < out.layer ? candidate[i].layer : out.layer;
     }
     out.inverse_z = (float)(sum / weights);
     return out;
@@ -487,16 +488,16 @@ static bool is_observed(const struct surround_picture *const *pictures, int aske
 }
 
 // Whether one of a surface's own pictures has points near it, and does not only continue what is beside it.
-static bool is_measured(const struct surround_picture *const *pictures, const struct candidate *c, int count,
+static bool is_measured(const struct surround_picture *const *pictures, const struct candidate *candidate, int count,
                         const double world[3])
 {
     for (int i = 0; i < count; i++) {
-        const struct surround_picture *p = pictures[c[i].layer];
+        const struct surround_picture *p = pictures[candidate[i].layer];
         struct picture_point at;
         size_t pixels[4];
         if (!surround_picture_project(p, world, &at))
             continue;
-        around(p, &at, pixels);
+        pixels_around(p, &at, pixels);
         for (int k = 0; k < 4; k++)
             if (p->inverse[pixels[k]] >= 0 && !(p->joined[pixels[k]] & DEPTH_EXTRAPOLATED))
                 return true;
@@ -505,42 +506,42 @@ static bool is_measured(const struct surround_picture *const *pictures, const st
 }
 
 struct column { // of a pixel: what the layers have there
-    struct candidate list[SURROUND_MOST_LAYERS];
+    struct candidate list[SURROUND_MAX_LAYERS];
     int count, end; // of its first surface
     struct candidate first;
 };
 
 // A surface that only pictures have that are too far to be asked, extrapolated in all of them, and occluded in every
 // picture asked: nothing supports it, such as a wall extended behind a box.
-static bool is_unsupported(const struct surround_picture *const *pictures, int asked, const struct candidate *c,
+static bool is_unsupported(const struct surround_picture *const *pictures, int asked, const struct candidate *candidate,
                            int count, const double world[3])
 {
-    return !is_observed(pictures, asked, world) && !is_measured(pictures, c, count, world);
+    return !is_observed(pictures, asked, world) && !is_measured(pictures, candidate, count, world);
 }
 
 // through: whether a picture may look through the first surface.
-static void decide(struct surround_view *view, const struct surround_picture *const *pictures, int asked, int pixel,
-                   const struct column *c, bool through, const struct view_options *how)
+static void decide_pixel(struct surround_view *view, const struct surround_picture *const *pictures, int asked,
+                         int pixel, const struct column *column, bool through, const struct view_options *how)
 {
     struct candidate best = {0};
-    double least = 2; // more than any error
-    for (int from = 0, end; from < c->count && least > HALF; from = end) {
-        end = from ? surface_end(c->list, c->count, from, how->apart) : c->end;
-        const struct candidate mean = from ? surface_mean(c->list, from, end) : c->first;
+    double min = 2; // more than any error
+    for (int from = 0, end; from < column->count && min > HALF; from = end) {
+        end = from ? surface_end(column->list, column->count, from, how->apart) : column->end;
+        const struct candidate mean = from ? surface_mean(column->list, from, end) : column->first;
         if (how->depth_test && mean.layer >= asked) { // few: the point is not made for the others
             double world[3];
             surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, mean.inverse_z, world);
-            if (is_unsupported(pictures, asked, c->list + from, end - from, world))
+            if (is_unsupported(pictures, asked, column->list + from, end - from, world))
                 continue;
         }
         const bool test = how->depth_test && (from || through);
         const double error = test ? error_of(view, pictures, asked, pixel, mean.inverse_z) : 0;
-        if (error < least) {
-            least = error;
+        if (error < min) {
+            min = error;
             best = mean;
         }
     }
-    if (least > 1 || (how->depth_test && least > MOST_THROUGH))
+    if (min > 1 || (how->depth_test && min > MAX_THROUGH))
         return;
     view->inverse_z[pixel] = best.inverse_z;
     view->first[pixel] = (int16_t)best.layer;
@@ -550,7 +551,7 @@ void view_merge(struct surround_view *view, const struct surround_picture *const
                 int count, const struct view_options *how)
 {
     const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
-    const int asked = count < MOST_ASKED ? count : MOST_ASKED;
+    const int asked = count < MAX_ASKED ? count : MAX_ASKED;
     struct column columns[4];
     for (size_t i = 0; i < pixels; i += 4) {
         int at[4];
@@ -560,7 +561,7 @@ void view_merge(struct surround_view *view, const struct surround_picture *const
         for (int l = 0; l < 4; l++) {
             struct column *c = &columns[l];
             at[l] = (int)(i + (size_t)l < pixels ? i + (size_t)l : pixels - 1);
-            c->count = collect(layers, pixels, count, (size_t)at[l], c->list);
+            c->count = collect_candidates(layers, pixels, count, (size_t)at[l], c->list);
             view->inverse_z[at[l]] = DEPTH_UNKNOWN;
             view->first[at[l]] = -1;
             if (!c->count)
@@ -573,6 +574,6 @@ void view_merge(struct surround_view *view, const struct surround_picture *const
         if (how->depth_test && any)
             through = looked_through(view, pictures, asked, at, inverse_z);
         for (int l = 0; l < 4; l++)
-            decide(view, pictures, asked, at[l], &columns[l], through[l], how);
+            decide_pixel(view, pictures, asked, at[l], &columns[l], through[l], how);
     }
 }

@@ -19,7 +19,7 @@ struct exposure {
     int picture_count, picture_room;
 };
 
-void exposure_free(struct exposure *e); // what was zeroed, too
+void exposure_free(struct exposure *exposure); // what was zeroed, too
 
 // Sets the gains of all pictures of `all` that have been met; `some` of them, which have depth and are sorted by
 // nearness, may be new: each is compared with the nearest four others, once. ERR_MEMORY.
@@ -30,5 +30,5 @@ MUST_CHECK enum status exposure_even(struct exposure *e, struct surround_picture
 // taken: a camera that adapts to the light has one beside the window and another in the corner, and what was saturated
 // is not drawn grey. ranked: by surround_view_rank; the first `near` of them, which exposure_even has met, count, with
 // weights that fade out at the distance of the next.
-void exposure_suit_view(const struct exposure *e, struct surround_picture *all,
+void exposure_suit_view(const struct exposure *exposure, struct surround_picture *all,
                         const struct surround_picture *const *ranked, int count, int near, struct pose world_from_view);

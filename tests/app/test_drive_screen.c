@@ -7,8 +7,8 @@
 
 #include "app/drive/drive_screen.h"
 #include "base/clock.h"
-#include "recording/recorded_things.h"
 #include "platform/files/png.h"
+#include "recording/recorded_things.h"
 #include "tests/support/film.h"
 #include "tests/support/robot_film.h"
 #include "tests/support/room_rehearsal.h"

@@ -120,18 +120,18 @@ static void show_preview(const char *recording, struct joints *out)
 // The largest distance between the joints that both know, m. Of a busy machine's frames some may not have been shown.
 static double compare(const char *name, const struct joints *joints, const struct joints *take)
 {
-    double most_m = 0;
+    double max_m = 0;
     int compared = 0;
     for (int i = 0; i < FRAMES; i++) {
         if (!joints->known[i] || !take->known[i])
             continue;
         compared++;
         for (int j = 0; j < JOINT_COUNT; j++)
-            most_m = fmax(most_m, v3_distance(joints->skeleton[i].joint[j], take->skeleton[i].joint[j]));
+            max_m = fmax(max_m, v3_distance(joints->skeleton[i].joint[j], take->skeleton[i].joint[j]));
     }
-    print_message("%s: %d of %d frames, joints up to %.3g mm from the take's\n", name, compared, FRAMES, 1000 * most_m);
+    print_message("%s: %d of %d frames, joints up to %.3g mm from the take's\n", name, compared, FRAMES, 1000 * max_m);
     EXPECT_AT_LEAST(compared, FRAMES / 2);
-    return most_m;
+    return max_m;
 }
 
 static void test_all_three_follow_alike(void **state)

@@ -1,16 +1,17 @@
 // What is newer is asked for on a thread: the app waits for no server that is absent or silent, and what was kept
 // stays.
+#include "tests/support/test.h"
+
 #include "app/place/place_things.h"
 #include "base/clock.h"
 #include "recording/recorded_things.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
+#include <netinet/in.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <netinet/in.h>
-#include <pthread.h>
 #include <sys/socket.h>
 #include <unistd.h>
 

@@ -1,8 +1,9 @@
 // Labels never cover each other or a control, keep their side, and the arrow points the way to turn.
-#include "app/ui/thing_labels.h"
-#include "app/state/view_state.h"
-#include "tests/support/random.h"
 #include "tests/support/test.h"
+
+#include "app/state/view_state.h"
+#include "app/ui/thing_labels.h"
+#include "tests/support/random.h"
 
 #include <math.h>
 

@@ -1,10 +1,11 @@
 // Letters beyond Latin: not in the atlas until a text holds them, and then from the next frame on; what the app's font
 // lacks comes from the computer's fonts. Debian's fontconfig brings DejaVu Sans, which has Georgian and Arabic.
+#include "tests/support/test.h"
+
 #include "app/ui/theme.h"
 #include "platform/screen/gpu_internal.h"
 #include "platform/screen/ui.h"
 #include "reenact/render/shaders.h"
-#include "tests/support/test.h"
 
 static struct gpu *gpu;
 static struct ui *ui;

@@ -1,6 +1,5 @@
 // Attempts kept as recordings: whole, never in another file's place, and nothing else is left beside the one watched.
 #include "app/live/live_keeper.h"
-
 #include "base/clock.h"
 #include "tests/support/recording_sample.h"
 #include "tests/support/scratch.h"

@@ -9,8 +9,8 @@
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/png.h"
-#include "tests/support/live_glass.h"
 #include "tests/openni_driver/keep_player.h"
+#include "tests/support/live_glass.h"
 #include "tests/support/live_rehearsal.h"
 #include "tests/support/process.h"
 

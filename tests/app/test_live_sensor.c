@@ -1,14 +1,14 @@
 // A live sensor that is unplugged while an attempt is made and kept, and comes back as another one, with smaller images
 // and timestamps that start again; and one without colour. OpenNI2's fake sensor.
+#include "tests/support/test.h"
+
 #include "app/live/live_keeper.h"
 #include "app/live/live_sensor.h"
-
 #include "base/clock.h"
-#include "recording/depth_picture.h"
 #include "platform/sensors/source.h"
+#include "recording/depth_picture.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,12 +1,13 @@
 // Where a robot's world is in a place: panoramas of the rendered room, whose poses in the robot's world are known, are
 // found by the room's tags; where they show nothing of it nothing is claimed.
+#include "tests/support/test.h"
+
 #include "app/place/robot_place.h"
-#include "recording/recorded_drive.h"
 #include "base/clock.h"
+#include "recording/recorded_drive.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
 #include "tests/support/robot_film.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>

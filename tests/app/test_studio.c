@@ -3,20 +3,20 @@
 //
 //     test_studio             the tests
 //     test_studio FOLDER      images of the screens, for the documents
+#include "tests/support/test.h"
+
 #include "app/studio/studio.h"
 #include "app/studio/studio_picture.h"
-
 #include "base/clock.h"
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
 #include "platform/sensors/source.h"
+#include "recording/recording.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
 #include "tests/support/studio_stage.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>

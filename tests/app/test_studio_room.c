@@ -3,12 +3,13 @@
 //
 //     test_studio_room             the tests
 //     test_studio_room FOLDER      images of the screens, for the documents
+#include "tests/support/test.h"
+
 #include "base/clock.h"
 #include "capture/recorder.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/studio_stage.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,11 +1,10 @@
 // The cards of takes: what they show and say of takes that are damaged, or cannot be watched.
-#include "tests/support/glass.h"
-#include "tests/support/recording_sample.h"
-
 #include "app/ui/take_list.h"
 #include "base/clock.h"
 #include "capture/take_verdict.h"
 #include "reenact/render/actor_renderer.h"
+#include "tests/support/glass.h"
+#include "tests/support/recording_sample.h"
 #include "tests/support/sql.h"
 
 static struct gpu *gpu;

@@ -1,11 +1,11 @@
 // A tablet's camera that is unplugged, or stopped by Ctrl-C, while a command goes through its images: what it gave
 // until then is not lost. No such camera is here: a folder plays it, whose end is its failure.
-#include "tests/support/rehearsal.h"
 #include "tests/support/test.h"
 
 #include "app/commands/commands.h"
 #include "platform/files/file.h"
 #include "platform/sensors/source.h"
+#include "tests/support/rehearsal.h"
 
 #include <signal.h>
 #include <string.h>

@@ -1,8 +1,8 @@
 // Covariances of points: what is stored is what was meant, semidefinite whatever was given, and turns with its axes.
-#include "tests/support/random.h"
 #include "tests/support/test.h"
 
 #include "base/linear_algebra.h"
+#include "tests/support/random.h"
 
 #include <stdio.h>
 

@@ -1,6 +1,7 @@
 // Text from outside in an HTML page, and bytes as base64: the vectors of RFC 4648, section 10.
-#include "base/text.h"
 #include "tests/support/test.h"
+
+#include "base/text.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,7 @@
 // Smaller copies: means of what each pixel covers, of whole and of other ratios.
-#include "base/pixels.h"
 #include "tests/support/test.h"
+
+#include "base/pixels.h"
 
 static void test_means(void **state)
 {

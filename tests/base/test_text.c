@@ -1,7 +1,8 @@
 // Text from outside: what is UTF-8, what a terminal can show, and times as text.
+#include "tests/support/test.h"
+
 #include "base/text.h"
 #include "tests/support/random.h"
-#include "tests/support/test.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,11 +1,10 @@
 // reenact-bench: runs the stages and prints error and time side by side.
-#include "tests/bench/bench_page.h"
-#include "tests/bench/bench_sections.h"
-#include "tests/bench/bench_stages.h"
-
 #include "app/commands/command.h"
 #include "base/clock.h"
 #include "platform/files/jpeg.h"
+#include "tests/bench/bench_page.h"
+#include "tests/bench/bench_sections.h"
+#include "tests/bench/bench_stages.h"
 
 #include <math.h>
 #include <stdlib.h>

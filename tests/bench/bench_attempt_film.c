@@ -1,10 +1,9 @@
 // A reference and an attempt at it, filmed, tracked and compared; and what the comparison says next to the truth.
-#include "tests/bench/bench_attempts.h"
-#include "tests/bench/bench.h"
-
-#include "formats/joints_csv.h"
 #include "compare/findings.h"
+#include "formats/joints_csv.h"
 #include "platform/files/file.h"
+#include "tests/bench/bench.h"
+#include "tests/bench/bench_attempts.h"
 #include "tests/support/smoothed_film.h"
 
 #include <stdio.h>

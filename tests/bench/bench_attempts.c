@@ -3,9 +3,9 @@
 // Without --dice every motion (some of the world's own, or the BVH files of --motions) with every edit; with --dice
 // random motions, stretches and edits, of --motions too.
 #include "tests/bench/bench_attempts.h"
-#include "tests/bench/bench.h"
 
 #include "base/threads.h"
+#include "tests/bench/bench.h"
 
 #include <stdio.h>
 #include <stdlib.h>

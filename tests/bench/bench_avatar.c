@@ -1,11 +1,10 @@
 // Stage "avatar": the outline's error all round against the time until the first image can be drawn, by the number of
 // frames that the avatar is made of. Next to it what needs no preparation: the nearest frame's depth as a mesh.
+#include "reenact/avatar/avatar.h"
+#include "reenact/render/actor_renderer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_views_data.h"
 #include "tests/bench/bench_views_mesh.h"
-
-#include "reenact/avatar/avatar.h"
-#include "reenact/render/actor_renderer.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,10 +2,9 @@
 // programme, and FastDTW (Salvador & Chan 2007) at several radii; movements of 300 frames of a person whose every bone
 // swings on its own, the attempt at a changing pace, with noise; every third is hard: to and fro, with pauses and
 // pieces left out. The error is the excess price over the optimum, in percent.
+#include "compare/movement.h"
 #include "tests/bench/bench.h"
 #include "tests/support/limbs.h"
-
-#include "compare/movement.h"
 #include "tests/support/skeleton_drawing.h"
 
 #include <stdio.h>

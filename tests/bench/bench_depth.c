@@ -1,11 +1,10 @@
 // Stage "depth": lossless depth compression: ours next to PNG, plain zstd, and RVL (Wilson, "Fast lossless depth image
 // compression", ISS 2017). The "error" is the size; every image must be restored exactly.
-#include "tests/bench/bench.h"
-#include "tests/support/random.h"
-
-#include "recording/depth_codec.h"
 #include "platform/files/compress.h"
 #include "platform/files/png.h"
+#include "recording/depth_codec.h"
+#include "tests/bench/bench.h"
+#include "tests/support/random.h"
 
 #include <dirent.h>
 #include <math.h>

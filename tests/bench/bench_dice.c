@@ -1,6 +1,7 @@
 // Stage "skeleton" on random films: how often the tracked skeleton is wrong, and how sure it is then, over all films
 // and by cause.
 #include "tests/bench/bench_dice.h"
+
 #include "tests/bench/bench_skeleton_trials.h"
 
 #include <stdio.h>

@@ -1,8 +1,7 @@
 // Strips of images of a random film with the true and the tracked skeleton.
-#include "tests/bench/bench_dice.h"
-
 #include "platform/files/file.h"
 #include "platform/files/png.h"
+#include "tests/bench/bench_dice.h"
 #include "tests/support/skeleton_drawing.h"
 
 #include <stdio.h>

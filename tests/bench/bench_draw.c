@@ -3,12 +3,11 @@
 // at another recorded instant, or all at the same. Times are of all threads together, because without a graphics card
 // the driver draws on several, and end when all is drawn. Finally the slowest of many images against the median, for
 // both.
+#include "reenact/render/actor_renderer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_look.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/work.h"
-
-#include "reenact/render/actor_renderer.h"
 
 #include <math.h>
 #include <stdio.h>

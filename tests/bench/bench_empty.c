@@ -1,9 +1,8 @@
 // Stage "skeleton" on images of rooms without a person: how many are taken for one at a film's start.
-#include "tests/bench/bench_skeleton_trials.h"
-
 #include "capture/point_finder.h"
 #include "capture/tracking/tracker.h"
 #include "platform/sensors/source.h"
+#include "tests/bench/bench_skeleton_trials.h"
 
 #include <math.h>
 #include <stdio.h>

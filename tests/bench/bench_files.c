@@ -1,11 +1,10 @@
 // Stages "color", "record" and "open": colour coding, writing frames, and opening a file up to the first picture.
-#include "tests/bench/bench.h"
-
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
+#include "recording/recording.h"
 #include "reenact/render/actor_renderer.h"
+#include "tests/bench/bench.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"

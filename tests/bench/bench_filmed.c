@@ -3,10 +3,9 @@
 // picture that the camera took, over all of its pixels, of which those that nothing was drawn in are grey. The poses
 // are given: --data is a folder with rgb.txt, depth.txt (registered), calibration.json and trajectory.txt, or
 // truth/trajectory.txt in its place; else the small world's empty room is filmed.
-#include "tests/bench/bench.h"
-
 #include "platform/files/file.h"
 #include "surround/surroundings.h"
+#include "tests/bench/bench.h"
 #include "tests/support/film.h"
 
 #include <math.h>

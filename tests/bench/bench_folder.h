@@ -1,8 +1,8 @@
 // Reads folders with a place, images and their truth for the benches (TUM layout: place/, sensor/, viewer/, tags.json,
 // truth/).
 #pragma once
-#include "recording/place.h"
 #include "base/geometry.h"
+#include "recording/place.h"
 
 #include <stdio.h>
 

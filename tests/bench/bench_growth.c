@@ -1,14 +1,13 @@
 // The page's section on growth: time and memory of stages against their size, with fitted exponents.
-#include "tests/bench/bench_page.h"
-
-#include "recording/depth_codec.h"
 #include "capture/segmentation/segment.h"
 #include "compare/alignment.h"
 #include "locate/relocalization.h"
 #include "platform/files/jpeg.h"
 #include "platform/vision/tag_detector.h"
+#include "recording/depth_codec.h"
 #include "reenact/retrieval/frame_selection.h"
 #include "tests/bench/bench_growth_take.h"
+#include "tests/bench/bench_page.h"
 #include "tests/support/limbs.h"
 
 #include <math.h>

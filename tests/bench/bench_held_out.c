@@ -2,13 +2,12 @@
 // sensor's own camera at that instant, with the pose interpolated between the neighbouring frames. The error is the
 // difference from what the sensor recorded. For takes without a place and without another camera; truth/mask/ gives the
 // actor's mask, which is evaluated only where the sensor measured depth: elsewhere it is unknown.
-#include "tests/bench/bench.h"
-
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
-#include "reenact/skeleton/skeleton_track.h"
 #include "reenact/render/actor_renderer.h"
+#include "reenact/skeleton/skeleton_track.h"
+#include "tests/bench/bench.h"
 #include "tests/bench/bench_record.h"
 #include "tests/support/film.h"
 

@@ -5,27 +5,26 @@
 //
 // With --data: a recording's folder with exercise.reenact and a sensor's folder "wrong", as tests/live_screens makes
 // it; else a shorter film is made.
+#include "base/clock.h"
+#include "platform/sensors/source.h"
 #include "tests/bench/bench.h"
 #include "tests/support/glass.h"
 #include "tests/support/live_rehearsal.h"
-
-#include "base/clock.h"
-#include "platform/sensors/source.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { FILM_FRAMES = 80, MOST_FRAMES = 2000 };
+enum { FILM_FRAMES = 80, MAX_FRAMES = 2000 };
 
 struct series {
-    double ms[MOST_FRAMES];
+    double ms[MAX_FRAMES];
     int count;
 };
 
 static void add(struct series *s, double ms)
 {
-    if (s->count < MOST_FRAMES)
+    if (s->count < MAX_FRAMES)
         s->ms[s->count++] = ms;
 }
 

@@ -2,15 +2,14 @@
 // view at another recorded instant. The truth is the world's own rendering from the same pose.
 //
 // The error: the area between the true silhouette and the drawn one per pixel of the true silhouette's length, that is
-// the mean distance between the two. Next to it what the program predicted (reenact/render/actor_renderer.h), and the colour
-// error where both cover. Times are of all threads together until all is drawn, the median of several drawings of the
-// same image by each level in turn, then the median of the views, relative to DETAIL_PAPER.
+// the mean distance between the two. Next to it what the program predicted (reenact/render/actor_renderer.h), and the
+// colour error where both cover. Times are of all threads together until all is drawn, the median of several drawings
+// of the same image by each level in turn, then the median of the views, relative to DETAIL_PAPER.
+#include "reenact/render/actor_renderer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_lod_plot.h"
 #include "tests/bench/bench_look.h"
 #include "tests/bench/bench_views_data.h"
-
-#include "reenact/render/actor_renderer.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

@@ -103,22 +103,21 @@ static void put_legend(FILE *file, const struct lod_plot_line *lines, int count)
 
 enum status lod_plot(const char *path, const struct lod_plot_line *lines, int count)
 {
-    double slowest = 1, best_px = INFINITY, worst_px = 0, least_px = INFINITY, most_px = 0;
+    double slowest = 1, best_px = INFINITY, worst_px = 0, min_px = INFINITY, max_px = 0;
     for (int i = 0; i < count; i++)
         for (int d = 0; d < LOD_PLOT_DISTANCES; d++) {
             const struct lod_plot_mark *m = &lines[i].mark[d];
             slowest = fmax(slowest, m->time_ratio);
             best_px = fmin(best_px, m->error_px);
             worst_px = fmax(worst_px, m->error_px);
-            least_px = fmin(least_px, m->predicted_px);
-            most_px = fmax(most_px, m->predicted_px);
+            min_px = fmin(min_px, m->predicted_px);
+            max_px = fmax(max_px, m->predicted_px);
         }
     FILE *file = fopen(path, "w");
     if (!file)
         return fail(ERR_IO, "%s cannot be written", path);
     const struct lod_plot_axis error = {0.8 * best_px, 1.25 * worst_px, BOTTOM, TOP, true};
-    const struct lod_plot_axis either = {0.8 * fmin(best_px, least_px), 1.25 * fmax(worst_px, most_px), BOTTOM, TOP,
-                                         true};
+    const struct lod_plot_axis either = {0.8 * fmin(best_px, min_px), 1.25 * fmax(worst_px, max_px), BOTTOM, TOP, true};
     const struct lod_plot_axis time = {0, 0.25 * ceil(4 * slowest + 0.5), 70, 460, false};
     const struct lod_plot_axis away = {0, LOD_PLOT_DISTANCES + 1, 540, WIDE - 20, false};
     fprintf(file,

@@ -7,13 +7,12 @@
 // map's error.
 //
 // The stage "still" is the same with a tablet on a table: jumps are jitter.
+#include "capture/mapping/mapper.h"
+#include "locate/camera_tracker.h"
+#include "locate/tag_corners.h"
+#include "platform/files/json.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_folder.h"
-
-#include "capture/mapping/mapper.h"
-#include "locate/tag_corners.h"
-#include "locate/camera_tracker.h"
-#include "platform/files/json.h"
 #include "tests/bench/bench_tags_peers.h"
 #include "tests/support/align.h"
 #include "tests/world/world.h"

@@ -1,10 +1,9 @@
 // Stage "mapping": the place's tags from a sweep of the small world with a sensor: the error of their corners, and the
 // time of the whole sweep, by the number of images and by what is used of them. Next to it what one would do with
 // libapriltag: chain its own tag poses from image to image.
-#include "tests/bench/bench.h"
-
 #include "capture/mapping/mapper.h"
 #include "locate/tag_corners.h"
+#include "tests/bench/bench.h"
 #include "tests/bench/bench_tags_peers.h"
 #include "tests/support/align.h"
 #include "tests/world/world.h"
@@ -145,7 +144,7 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
         tags[i] = (struct mapper_tag){s->tags[i].id, s->tags[i].side_m};
     sensor.registered = c->setting->depth;
     if (!c->setting->landmarks)
-        options.most_points = 0;
+        options.max_points = 0;
     enum status status = add_noise(s, item);
     if (status == OK)
         status = mapper_open(&m, &sensor, tags, count, &options);

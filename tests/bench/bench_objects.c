@@ -2,9 +2,8 @@
 // error of the middle in the left picture, how many of the four are missed, how many are found wrongly (absent, or more
 // than 15 pixels off), and the time for all eight in a pair. The plain methods look at both pictures, too, as
 // stereo needs it; only what they find in the left one is judged.
-#include "tests/bench/bench.h"
-
 #include "objects/thing_recognition.h"
+#include "tests/bench/bench.h"
 #include "tests/bench/bench_objects_peers.h"
 #include "tests/support/desk.h"
 #include "tests/support/random.h"

@@ -1,7 +1,6 @@
 // Plots for the page as inline SVG: error against time with the frontier, and curves over sizes.
-#include "tests/bench/bench_page.h"
-
 #include "base/text.h"
+#include "tests/bench/bench_page.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,10 +1,9 @@
 // Stage "prepare": how long preparing a take of a minute takes, step by step: processor time of all threads, wall-clock
 // time, and the program's peak memory by then. The images are played forward and backward until the minute is full, and
 // recorded without a place. The result of a second run must be identical.
-#include "tests/bench/bench.h"
-
 #include "base/clock.h"
 #include "reenact/avatar/avatar.h"
+#include "tests/bench/bench.h"
 #include "tests/bench/bench_record.h"
 #include "tests/support/film.h"
 

@@ -1,9 +1,8 @@
 // Sections of the page: the study's questions, the budget of one displayed frame, levels of detail by distance.
-#include "tests/bench/bench_page.h"
-#include "tests/bench/bench_study.h"
-
 #include "reenact/render/actor_renderer.h"
 #include "reenact/skeleton/body_cylinders.h"
+#include "tests/bench/bench_page.h"
+#include "tests/bench/bench_study.h"
 
 #include <math.h>
 #include <stdlib.h>

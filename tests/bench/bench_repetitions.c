@@ -7,11 +7,10 @@
 // those that were counted wrong or doubtfully by an earlier version. A repetition of exercise 1 counts if the arms
 // reach the top; of exercise 2 if both sides were leaned to, or one fully and the other begun. Without: a person of
 // exact joints.
-#include "tests/bench/bench.h"
-#include "tests/support/exercise.h"
-
 #include "compare/movement.h"
 #include "compare/repetitions.h"
+#include "tests/bench/bench.h"
+#include "tests/support/exercise.h"
 
 #include <stdio.h>
 #include <stdlib.h>

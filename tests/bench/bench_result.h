@@ -1,7 +1,7 @@
 // The results of a stage's run, and how they are shown. Used by bench.c and bench_result.c only.
 #pragma once
-#include "tests/bench/bench.h"
 #include "platform/files/json.h"
+#include "tests/bench/bench.h"
 
 #include <stdio.h>
 

@@ -3,13 +3,12 @@
 // pose recurs, so the nearest is not near). Queries are frames of the take seen from up to a radian aside, with noise
 // of 3 cm in each coordinate. The error is the excess cost of the frame found over the best one. Insertion is timed per
 // frame, for the index alone and for all that a selector computes.
+#include "reenact/retrieval/frame_selection.h"
+#include "reenact/retrieval/pose_index.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_search_nanoflann.h"
 #include "tests/support/limbs.h"
 #include "tests/support/skeleton_drawing.h"
-
-#include "reenact/retrieval/pose_index.h"
-#include "reenact/retrieval/frame_selection.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,7 +1,6 @@
 // Stage "segment": the actor's mask in depth images of the small world, against the rendered mask.
-#include "tests/bench/bench.h"
-
 #include "capture/segmentation/segment.h"
+#include "tests/bench/bench.h"
 #include "tests/world/world.h"
 
 #include <stdlib.h>

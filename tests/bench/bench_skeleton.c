@@ -4,14 +4,13 @@
 // Without --data the small world's kata is rendered. With --data FOLDER, a folder with depth.txt and calibration.json,
 // and joints_truth.csv and sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies, --dice,
 // --joints, --sequences or --empty tables of error alone, see bench_skeleton_trials.h.
+#include "capture/point_finder.h"
+#include "capture/tracking/tracker.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_picture.h"
 #include "tests/bench/bench_skeleton_trials.h"
 #include "tests/bench/bench_tags_peers.h"
-
-#include "capture/point_finder.h"
-#include "capture/tracking/tracker.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // Input of the stage "skeleton": depth, grey and some colour images with true joints.
 #pragma once
-#include "recording/skeleton.h"
 #include "base/lens.h"
+#include "recording/skeleton.h"
 
 enum { SKELETON_LOOK_EVERY = 3 }; // body points are looked for in every third image, as recorder.c does
 

@@ -1,6 +1,5 @@
 // Stage "skeleton" on figures rendered in the small world: by motion and by body.
 #include "tests/bench/bench_skeleton_trials.h"
-
 #include "tests/support/smoothed_film.h"
 #include "tests/world/world.h"
 
@@ -9,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FPS = 30, SECONDS_MOST = 8, FRAMES_MOST = FPS * SECONDS_MOST };
+enum { FPS = 30, SECONDS_MAX = 8, FRAMES_MOST = FPS * SECONDS_MAX };
 
 static const char *const columns[] = {"mean_mm", "p95_mm",  "in_10cm_%", "claimed_%",
                                       "swapped", "step_mm", "frames",    "lost"};

@@ -1,10 +1,10 @@
 // Stage "skeleton" joint by joint on one person, next to truth from another body model: each joint's error, and the
 // same with its constant part removed. Where a model places the knee within the leg is its author's choice, which no
 // depth image shows; how it moves is not.
-#include "tests/support/body_axes.h"
-#include "tests/support/smoothed_film.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
+#include "tests/support/body_axes.h"
+#include "tests/support/smoothed_film.h"
 
 #include <stdlib.h>
 

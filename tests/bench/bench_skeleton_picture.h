@@ -1,10 +1,9 @@
 // What a skeleton's error looks like: the estimate in colours and the truth in white over the depth image, cut out
 // about the person.
 #pragma once
-#include "tests/bench/bench.h"
-
 #include "base/lens.h"
 #include "recording/skeleton.h"
+#include "tests/bench/bench.h"
 
 struct skeleton_instant {
     const struct calibration *calibration;

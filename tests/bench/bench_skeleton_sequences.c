@@ -1,8 +1,7 @@
 // Stage "skeleton" on real people, next to the result of the Kinect SDK's tracker on the same images.
-#include "tests/support/smoothed_film.h"
-#include "tests/bench/bench_skeleton_trials.h"
-
 #include "platform/sensors/source.h"
+#include "tests/bench/bench_skeleton_trials.h"
+#include "tests/support/smoothed_film.h"
 
 #include <glob.h>
 #include <stdio.h>

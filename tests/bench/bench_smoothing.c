@@ -1,9 +1,8 @@
 // Stage "smoothing": a take's skeletons once its end is known, next to the online estimate and to the filters that one
 // would put over it. The small world's kata at 320 x 240; times are of tracking and smoothing together, a frame.
+#include "capture/tracking/tracker.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_picture.h"
-
-#include "capture/tracking/tracker.h"
 #include "tests/support/smoothed_film.h"
 #include "tests/world/world.h"
 

@@ -1,16 +1,16 @@
 // Where the actor is displayed, what a viewpoint adds, and how well movements compare, against the truth.
 #include "tests/bench/bench_study.h"
-#include "tests/bench/bench.h"
 
 #include "compare/comparison.h"
 #include "reenact/skeleton/skeleton_track.h"
+#include "tests/bench/bench.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 struct bench_study bench_study;
 
-enum { EYE_PX = 3, MANY_SIDES = 8, MOST = VIEWS_MOST * JOINT_COUNT };
+enum { EYE_PX = 3, MANY_SIDES = 8, MOST = VIEWS_MAX * JOINT_COUNT };
 
 // A take's skeletons in the world.
 struct study_track {

@@ -5,10 +5,9 @@
 // it. Lines: mean difference of where the detector finds the lane's lines on the drawn and on the true picture. By the
 // graphics card, larger, next to the same points splatted by it; time there is that of all threads, because without a
 // graphics card the driver has several.
-#include "tests/bench/bench.h"
-
 #include "base/clock.h"
 #include "surround/gpu/surround_renderer.h"
+#include "tests/bench/bench.h"
 #include "tests/bench/point_splats.h"
 #include "tests/support/road_scene.h"
 #include "tests/support/surround_readback.h"

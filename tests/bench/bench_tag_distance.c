@@ -2,9 +2,8 @@
 // grey levels, tilted by up to a radian about two axes), by us and by libapriltag at full resolution with its own pose.
 // Errors are compared where both found the tag; a rotation error of more than FLIP_DEG is a flip (the mirrored
 // solution). Then the same with a second tag beside it, by us alone.
-#include "tests/bench/bench.h"
-
 #include "locate/pose_solver.h"
+#include "tests/bench/bench.h"
 #include "tests/bench/bench_tags_peers.h"
 #include "tests/support/tag_picture.h"
 

@@ -1,8 +1,7 @@
 // Stage "tags": one tag of 16 cm, 1 to 5 m away, tilted by up to a radian about two axes, in an image of 640 x 480 with
 // f = 525 and noise of 2 grey levels: errors of its range and its rotation from a single image, and the time.
-#include "tests/bench/bench.h"
-
 #include "locate/pose_solver.h"
+#include "tests/bench/bench.h"
 #include "tests/bench/bench_tags_peers.h"
 #include "tests/support/tag_picture.h"
 

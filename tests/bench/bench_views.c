@@ -4,12 +4,11 @@
 //
 // The error is the share of the two silhouettes' union that only one of them covers (1 - intersection over union). The
 // psnr is over that union; "inside" over the intersection, where only colours can be wrong.
-#include "tests/bench/bench.h"
-#include "tests/bench/bench_views_data.h"
-#include "tests/bench/bench_study.h"
-#include "tests/bench/bench_views_mesh.h"
-
 #include "reenact/render/actor_renderer.h"
+#include "tests/bench/bench.h"
+#include "tests/bench/bench_study.h"
+#include "tests/bench/bench_views_data.h"
+#include "tests/bench/bench_views_mesh.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -109,7 +108,7 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
             {"full, both true", measure, &both, false},
         };
         const bool brief = bench_inputs(b)->brief; // without what the truth would change
-        int bin_of[VIEWS_MOST];
+        int bin_of[VIEWS_MAX];
         for (int i = 0; i < data->count; i++) {
             bin_of[i] = 0;
             while (bin_of[i] < BINS - 1 && data->image[i].angle_deg >= bin_ends_deg[bin_of[i]])

@@ -1,8 +1,8 @@
 #include "tests/bench/bench_views_data.h"
 
 #include "capture/recorder.h"
-#include "locate/tag_corners.h"
 #include "locate/camera_tracker.h"
+#include "locate/tag_corners.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
@@ -12,13 +12,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FILMED = 240, VIEW_COUNT = 24, FILMED_BRIEF = 90, VIEW_COUNT_BRIEF = 12, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
+enum { FILMED = 240, VIEW_COUNT = 24, FILMED_BRIEF = 90, VIEW_COUNT_BRIEF = 12, MAX_FRAMES = 1000, JPEG_QUALITY = 98 };
 static const double SCALE = 1, SAME_S = 0.002;
 
 // The true joints of each frame of the take, in its colour camera's axes; and the sensor's pose in the truth's world.
 struct truth {
-    struct skeleton joints[MOST_FRAMES];
-    struct vec3 waist[MOST_FRAMES];
+    struct skeleton joints[MAX_FRAMES];
+    struct vec3 waist[MAX_FRAMES];
     struct pose world_from_sensor; // the sensor does not move
 };
 
@@ -71,7 +71,7 @@ static enum status record(struct views_data *data, const char *sensor, const str
         status = recording_open(&data->recording, path);
     if (status == OK)
         status = take_open(&data->own, data->recording, "own");
-    if (status == OK && take_frame_count(data->own) > MOST_FRAMES)
+    if (status == OK && take_frame_count(data->own) > MAX_FRAMES)
         status = fail(ERR_INPUT, "%s is too long for the bench", sensor);
     return status;
 }
@@ -338,7 +338,7 @@ static enum status read_images(struct views_data *data, const char *folder)
     uint8_t *expected = malloc(3 * pixels_of(&data->lens) + 1);
     if (status == OK && !expected)
         status = fail(ERR_MEMORY, "no memory for an image");
-    while (status == OK && data->count < VIEWS_MOST && (status = source_next(camera, &frame)) == OK) {
+    while (status == OK && data->count < VIEWS_MAX && (status = source_next(camera, &frame)) == OK) {
         struct pose pose;
         uint8_t *mask = NULL;
         first_ns = first_ns < 0 ? frame.time_ns : first_ns;

@@ -5,7 +5,7 @@
 #include "tests/bench/bench.h"
 #include "tests/support/scratch.h"
 
-enum { VIEWS_MOST = 128 };
+enum { VIEWS_MAX = 128 };
 
 struct views_image {
     int64_t since_ns;         // of the take's first frame
@@ -21,7 +21,7 @@ struct views_data {
     struct recording *recording;
     struct take *own, *true_take; // with our joints, with the true ones
     struct lens lens;             // of the images
-    struct views_image image[VIEWS_MOST];
+    struct views_image image[VIEWS_MAX];
     int count;
     bool is_shared; // closed when the program ends
 };

@@ -1,6 +1,7 @@
 // A person's proportions as the tracker learns them, against the true ones.
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
+
+#include "tests/support/tracked_film.h"
 
 enum { FPS = 30, FRAMES = 120 };
 
@@ -57,7 +58,7 @@ static void test_close_person_has_true_size(void **state)
     (void)state;
     static const struct {
         const char *figure, *motion;
-        double nearer_m, most_m;
+        double nearer_m, max_m;
     } cases[] = {{"child", "kata", 1.75, 0.028}, {"skirt", "bend", 1.4, 0.036}};
     enum { LAST = 45 };
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
@@ -76,7 +77,7 @@ static void test_close_person_has_true_size(void **state)
         tracked_film_close(&f);
         print_message("%s, %s, %g m nearer: %.0f mm off\n", cases[i].figure, cases[i].motion, cases[i].nearer_m,
                       1000 * sum);
-        EXPECT_AT_MOST(sum, cases[i].most_m);
+        EXPECT_AT_MOST(sum, cases[i].max_m);
     }
 }
 

@@ -1,10 +1,10 @@
 // The coach on films of the small world: good films raise nothing, each fault that is put in is named within a second,
 // the gesture is found and found only where it is made, who does what the coach says is soon seen from all sides.
-#include "capture/coaching/coach.h"
-#include "capture/coaching/raised_hand.h"
+#include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "tests/support/test.h"
+#include "capture/coaching/coach.h"
+#include "capture/coaching/raised_hand.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

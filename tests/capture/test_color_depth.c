@@ -1,7 +1,7 @@
 // Colour to depth on a rendered board of discs with a Kinect's noise: the pose is found; what is wrong is said.
-#include "capture/calibration/color_depth.h"
-
 #include "tests/support/test.h"
+
+#include "capture/calibration/color_depth.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

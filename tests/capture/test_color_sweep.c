@@ -3,13 +3,13 @@
 //
 //     test_color_sweep [CAMERAS [SEED]]      default 8 9
 #include "capture/mapping/mapper.h"
-#include "tests/support/covariance_check.h"
 #include "tests/support/align.h"
+#include "tests/support/covariance_check.h"
 #include "tests/world/world.h"
 
 #include <stdlib.h>
 
-enum { SWEEP = 36, LEAST_POINTS = 1000 };
+enum { SWEEP = 36, MIN_POINTS = 1000 };
 // Quantiles of chi-square with three degrees of freedom: 95 %, and all but one in a million.
 static const double WITHIN_95_SHIFT = 7.815, ONE_IN_A_MILLION = 30.7;
 
@@ -88,7 +88,7 @@ static void test_landmarks_are_kept(void **state)
 {
     (void)state;
     printf("%d points\n", (int)room.place.point_count);
-    EXPECT_AT_LEAST(room.place.point_count, LEAST_POINTS);
+    EXPECT_AT_LEAST(room.place.point_count, MIN_POINTS);
     for (int32_t i = 0; i < room.place.point_count; i++) {
         const struct place_landmark *p = &room.place.points[i];
         EXPECT_TRUE(p->covariance[0] > 0); // has a covariance

@@ -1,8 +1,8 @@
 // Coverage against the truth of the small world: the share of the figure's skin that some frame of a film shows, by the
 // exact depth and the skin's normals.
-#include "capture/coaching/coverage.h"
-
 #include "tests/support/test.h"
+
+#include "capture/coaching/coverage.h"
 #include "tests/support/tracked_film.h"
 #include "tests/world/world_internal.h"
 

@@ -4,12 +4,13 @@
 //
 // None of these films was looked at when the constants were chosen, which was on eleven films of wrong depth and six of
 // wrong mounts with other people, movements and places of the sensor.
+#include "tests/support/test.h"
+
 #include "capture/depth_cause.h"
 #include "capture/sensor_pose.h"
 #include "capture/tracking/tracker.h"
 #include "platform/files/jpeg.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

@@ -3,8 +3,8 @@
 
 #include "capture/export.h"
 #include "platform/files/file.h"
-#include "platform/sensors/source.h"
 #include "platform/files/video.h"
+#include "platform/sensors/source.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/sql.h"

@@ -1,8 +1,8 @@
 // Skirts and coats: a hem is detected where there is one, and the legs that it hides are in the right place.
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
 #include "capture/body/hem_detector.h"
+#include "tests/support/tracked_film.h"
 
 #include <string.h>
 

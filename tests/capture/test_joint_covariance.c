@@ -1,12 +1,12 @@
 // Covariances of tracked joints: the posterior is the scatter of refits under noise, nothing makes it indefinite,
 // hidden joints are known ever less, and on rendered frames errors are of the stated size.
-#include "tests/support/random.h"
 #include "tests/support/test.h"
-#include "tests/support/tracked_film.h"
 
 #include "capture/body/joint_posterior.h"
 #include "capture/body/normal_equations.h"
 #include "capture/tracking/joint_covariance.h"
+#include "tests/support/random.h"
+#include "tests/support/tracked_film.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,9 +1,9 @@
 // How wrong a joint is thought to be: no feature makes it surer, what is bad is not called seen, and covariances stay
 // positive definite.
-#include "tests/support/random.h"
 #include "tests/support/test.h"
 
 #include "capture/tracking/joint_error.h"
+#include "tests/support/random.h"
 
 #include <stdio.h>
 

@@ -1,5 +1,7 @@
 // A lens from rendered pictures of boards of circles and chequers, also by the command, and a rolling shutter's
 // read-out from a swing before a tag of the small world.
+#include "tests/support/test.h"
+
 #include "capture/calibration/lens_calibration.h"
 #include "locate/tag_corners.h"
 #include "platform/files/json.h"
@@ -7,7 +9,6 @@
 #include "platform/vision/tag_detector.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

@@ -2,8 +2,8 @@
 // lies inside the 95 % ellipsoid.
 //
 //     test_map_covariance [IMAGES]      of each kind; default 20
-#include "tests/support/random.h"
 #include "tests/support/covariance_check.h"
+#include "tests/support/random.h"
 #include "tests/support/tag_picture.h"
 
 #include <stdlib.h>

@@ -4,8 +4,8 @@
 //     test_map_covariance_landmarks [IMAGES [SEED]]      default 12 31
 #include "locate/landmark_matching.h"
 #include "locate/tag_corners.h"
-#include "tests/support/random.h"
 #include "tests/support/covariance_check.h"
+#include "tests/support/random.h"
 #include "tests/world/world.h"
 
 #include <stdlib.h>

@@ -1,8 +1,9 @@
 // What the mapper says of a sweep whose lens, depth or list of tags is wrong: the cause, and nothing of a right one.
 // The sweep is the small world's, whose lens and tags are exact.
+#include "tests/support/test.h"
+
 #include "capture/mapping/map_advice.h"
 #include "tests/support/other_tags.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>
@@ -82,7 +83,7 @@ static enum status map_place_wrongly(const struct wrong *w, struct place *place,
     const size_t pixels = lens_pixels(&c.color);
     uint16_t *depth = malloc(pixels * sizeof *depth);
     uint8_t *hung = malloc(pixels * 3);
-    options.most_points = 900;
+    options.max_points = 900;
     for (int32_t i = 0; i < room.tag_count; i++)
         tags[i] = (struct mapper_tag){room.tags[i].id, room.tags[i].side_m * w->sides};
     if (w->one_side > 0)
@@ -273,7 +274,7 @@ static void test_still_sensor_is_mapped_from_some_pictures(void **state)
     struct place place;
     uint8_t *color = malloc(lens_pixels(lens) * 3);
     struct mapper_options options = mapper_default_options();
-    options.most_points = 600;
+    options.max_points = 600;
     EXPECT_STATUS(mapper_open(&m, &room.calibration, room.tags, room.tag_count, &options), OK);
     for (int i = 0; i < STILL; i++) {
         memcpy(color, room.color[6], lens_pixels(lens) * 3);

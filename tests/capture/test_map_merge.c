@@ -1,11 +1,12 @@
 // Adding a second sweep to a place: the first one shows one half of a furnished room, the
 // second one the other half and a little of the first.
+#include "tests/support/test.h"
+
 #include "capture/mapping/mapper.h"
-#include "recording/recording.h"
 #include "locate/locator.h"
+#include "recording/recording.h"
 #include "tests/support/align.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

@@ -1,12 +1,13 @@
 // The mapper against the synthetic room's truth: with tags, without depth, without tags, with few tags; tag lists and
 // invalid input.
+#include "tests/support/test.h"
+
 #include "capture/mapping/mapper.h"
 #include "locate/camera_tracker.h"
 #include "platform/files/file.h"
-#include "tests/support/covariance_check.h"
 #include "tests/support/align.h"
+#include "tests/support/covariance_check.h"
 #include "tests/support/tag_picture.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>
@@ -184,7 +185,7 @@ static void check_axes(const struct place *place, struct pose world_from_place)
 
 // Localises the tablet in the map and compares with the truth.
 static void check_viewer(const struct mapped_room *r, const struct place *place, struct pose world_from_place,
-                         double most_m, double most_deg)
+                         double max_m, double most_deg)
 {
     struct calibration viewer = world_viewer_calibration(1);
     uint8_t *color = malloc((size_t)viewer.color.width * (size_t)viewer.color.height * 3);
@@ -210,7 +211,7 @@ static void check_viewer(const struct mapped_room *r, const struct place *place,
     }
     printf("tablet: %d of %d found, worst %.1f mm, %.3f degrees\n", found, tried, worst_m * 1e3, worst_rad * 57.2958);
     EXPECT_AT_LEAST(found, tried - 1);
-    EXPECT_AT_MOST(worst_m, most_m);
+    EXPECT_AT_MOST(worst_m, max_m);
     EXPECT_AT_MOST(worst_rad * 57.2958, most_deg);
     locator_close(&l);
     free(color);
@@ -219,7 +220,7 @@ static void check_viewer(const struct mapped_room *r, const struct place *place,
 // A tablet that is carried once round the room in nine seconds, with two images a second: each pose is far from the
 // prediction by the ones before.
 static void check_slow_viewer(const struct mapped_room *r, const struct place *place, struct pose world_from_place,
-                              double most_m)
+                              double max_m)
 {
     enum { IMAGES_ROUND = 18 };
     struct calibration viewer = world_viewer_calibration(1);
@@ -244,7 +245,7 @@ static void check_slow_viewer(const struct mapped_room *r, const struct place *p
     }
     printf("tablet with two images a second: %d of %d found, worst %.1f mm\n", found, IMAGES_ROUND, worst_m * 1e3);
     EXPECT_AT_LEAST(found, IMAGES_ROUND - 1);
-    EXPECT_AT_MOST(worst_m, most_m);
+    EXPECT_AT_MOST(worst_m, max_m);
     camera_tracker_close(&track);
     free(color);
 }
@@ -478,7 +479,7 @@ static void test_long_sweeps_are_subsampled(void **state)
     struct mapper *m;
     struct place place;
     struct mapper_report report;
-    o.most_points = 0;
+    o.max_points = 0;
     EXPECT_STATUS(mapper_open(&m, &c, list, 2, &o), OK);
     for (int view = 0; view < 10; view++) {
         bool other = view == 9; // the second tag, alone

@@ -1,10 +1,10 @@
 // A lower leg that was fitted beside its place: what sticks out of the silhouette shows where it is.
-#include "capture/tracking/tracker_backward.h"
-#include "capture/tracking/occluded_shin.h"
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
 #include "capture/body/two_bone_ik.h"
+#include "capture/tracking/occluded_shin.h"
+#include "capture/tracking/tracker_backward.h"
+#include "tests/support/tracked_film.h"
 
 #include <stdlib.h>
 

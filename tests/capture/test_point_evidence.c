@@ -1,9 +1,9 @@
 // Points of a colour image as evidence: the energy's derivatives against finite differences, saturation, and what does
 // not count.
-#include "tests/support/random.h"
 #include "tests/support/test.h"
 
 #include "capture/body/normal_equations.h"
+#include "tests/support/random.h"
 
 #include <string.h>
 

@@ -262,7 +262,7 @@ static double error_after(int late, int frames)
 static void test_late_points_are_used_and_old_ones_are_not(void **state)
 {
     (void)state;
-    enum { FRAMES = 12, LATE = 2, OLD = 10 }; // OLD: beyond POINT_MOTION_MOST_NS
+    enum { FRAMES = 12, LATE = 2, OLD = 10 }; // OLD: beyond POINT_MOTION_MAX_NS
     const double depth_m = error_after(0, FRAMES), late_m = error_after(LATE, FRAMES), old_m = error_after(OLD, FRAMES);
     print_message("after %d frames %.2f mm from depth alone, %.2f with late points\n", FRAMES, 1000 * depth_m,
                   1000 * late_m);

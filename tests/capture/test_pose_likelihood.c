@@ -1,10 +1,11 @@
 // Comparison of the poses of two passes: the same body, tracked a little wrong, has even odds; a limb is judged where
 // the other pass has it; exchanged legs are less likely.
+#include "tests/support/test.h"
+
 #include "capture/body/two_bone_ik.h"
 #include "capture/tracking/tracker_backward.h"
 #include "tests/support/random.h"
 #include "tests/support/tracked_film.h"
-#include "tests/support/test.h"
 
 enum { FPS = 30, FRAMES = 24, EVERY = 6, SEED = 11 };
 #define ROOT_M       0.03 // of each coordinate; as proportions of a take's beginning and end change a pose

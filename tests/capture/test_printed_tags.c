@@ -1,9 +1,10 @@
 // Tags to print: rendered as a printer would and read back by the detector at the size that was asked for.
+#include "tests/support/test.h"
+
 #include "capture/calibration/printed_tags.h"
 #include "capture/mapping/mapper.h"
 #include "platform/vision/tag_detector.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <unistd.h>

@@ -2,9 +2,9 @@
 //
 //     test_raised_hand            some seconds of other movement
 //     test_raised_hand SECONDS    so many
-#include "capture/coaching/raised_hand.h"
-
 #include "tests/support/test.h"
+
+#include "capture/coaching/raised_hand.h"
 #include "tests/support/tracked_film.h"
 
 #include <stdio.h>

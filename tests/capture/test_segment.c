@@ -1,8 +1,8 @@
 // Segmentation of the person against a rendered mask, and what must not be taken for a person.
 #include "tests/support/test.h"
-#include "tests/world/world.h"
 
 #include "capture/segmentation/segment.h"
+#include "tests/world/world.h"
 
 #include <string.h>
 

@@ -1,8 +1,9 @@
 // The pose of the recording sensor: a stand that yields by centimetres is detected; a person who moves in front of the
 // sensor is not mistaken for that.
+#include "tests/support/test.h"
+
 #include "capture/sensor_pose.h"
 #include "tests/support/film.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

@@ -1,9 +1,9 @@
 // A smoothed take: nearer to the truth than the online estimate, with less jitter, constant bone lengths and no jumps;
 // the turning point of a fast motion is not clipped.
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
 #include "capture/tracking/skeleton_smoother.h"
+#include "tests/support/tracked_film.h"
 
 #include <string.h>
 

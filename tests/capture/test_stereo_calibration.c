@@ -1,9 +1,10 @@
 // Stereo calibration on drawn boards of circles: lenses and baseline against the truth, boards cut off by the edge, and
 // what is said when it cannot work.
+#include "tests/support/test.h"
+
 #include "capture/calibration/stereo_rig.h"
 #include "platform/files/file.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 
@@ -49,7 +50,7 @@ static void draw(const struct lens *lens, struct pose camera_from_board, struct 
         }
 }
 
-static struct circle circles[VIEWS][2][STEREO_MOST_CIRCLES];
+static struct circle circles[VIEWS][2][STEREO_MAX_CIRCLES];
 
 static void see(struct stereo_view views[VIEWS], double tilt, double shift)
 {

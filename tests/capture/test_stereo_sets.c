@@ -1,8 +1,9 @@
 // Stereo calibration on random sets of pairs, beside OpenCV's on the same sets, and what is said of sets that went
 // wrong in the ways in which people's do. test_stereo_sets SETS [SEED]: the first part on more or other sets, a line
 // for each.
-#include "tests/capture/stereo_by_opencv.h"
 #include "tests/support/test.h"
+
+#include "tests/capture/stereo_by_opencv.h"
 
 #include <stdio.h>
 

@@ -3,11 +3,11 @@
 //
 //     test_sweep_plan      the tests
 //     test_sweep_plan N    with the whole sweep in N images
-#include "capture/mapping/map_advice.h"
-#include "capture/mapping/mapper.h"
+#include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "tests/support/test.h"
+#include "capture/mapping/map_advice.h"
+#include "capture/mapping/mapper.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

@@ -1,7 +1,8 @@
 // Times that no sensor gives are named with their cause, and judged by a clock that a sensor could have.
+#include "tests/support/test.h"
+
 #include "capture/take_verdict.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

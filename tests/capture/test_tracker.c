@@ -1,8 +1,8 @@
 // The tracker's joints against the small world's truth, and with difficult input.
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
 #include "capture/body/solid_distance.h"
+#include "tests/support/tracked_film.h"
 
 #include <stdio.h>
 #include <string.h>

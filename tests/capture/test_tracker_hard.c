@@ -1,8 +1,9 @@
 // Difficult input for the tracker, each with the error it causes: broken images and clocks, too near and too far, half
 // outside the image, standing still, another person walking through. Persons who face away and hidden joints are in
 // test_tracker_hidden.
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
+
+#include "tests/support/tracked_film.h"
 
 #include <stdlib.h>
 #include <string.h>

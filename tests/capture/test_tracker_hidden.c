@@ -1,6 +1,7 @@
 // What depth does not show: which way a person faces at first, legs behind a table, an arm behind the back.
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
+
+#include "tests/support/tracked_film.h"
 
 enum { FPS = 30 };
 
@@ -49,7 +50,7 @@ static void test_bent_or_kicking_initial_pose(void **state)
     (void)state;
     static const struct {
         const char *motion;
-        double time_s, most_m;
+        double time_s, max_m;
     } starts[] = {{"bend", 4, 0.03}, {"kata", 3.9, 0.08}};
     for (size_t i = 0; i < COUNT_OF(starts); i++) {
         struct tracked_film s;
@@ -61,7 +62,7 @@ static void test_bent_or_kicking_initial_pose(void **state)
         struct skeleton truth = world_joints_in_camera(s.world, starts[i].time_s, from);
         print_message("%s, first seen at %.1f s: %.3f m off\n", starts[i].motion, starts[i].time_s,
                       error_of(&got, &truth));
-        EXPECT_AT_MOST(error_of(&got, &truth), starts[i].most_m);
+        EXPECT_AT_MOST(error_of(&got, &truth), starts[i].max_m);
         tracked_film_close(&s);
     }
 }

@@ -1,12 +1,12 @@
 // The tracker with points of the colour image, which are the true joints projected, so that no network is needed: what
 // depth alone has wrong is corrected, wrong points do little harm, and furniture is no person.
 #include "tests/support/test.h"
-#include "tests/support/tracked_film.h"
 
 #include "capture/body/point_evidence.h"
 #include "capture/tracking/skeleton_smoother.h"
 #include "capture/tracking/tracker_backward.h"
 #include "capture/tracking/tracker_internal.h"
+#include "tests/support/tracked_film.h"
 
 #include <string.h>
 

@@ -1,7 +1,8 @@
 // The time alignment against brute force: an independent dynamic programme in doubles over random movements, alike and
 // unlike, with pauses, cuts and noise.
-#include "compare/alignment.h"
 #include "tests/support/test.h"
+
+#include "compare/alignment.h"
 
 #include <stdio.h>
 

@@ -1,8 +1,9 @@
 // What is found, and in which order, on a person of exact joints.
+#include "tests/support/test.h"
+
 #include "compare/comparison.h"
 #include "compare/findings.h"
 #include "tests/support/exercise.h"
-#include "tests/support/test.h"
 
 #include <stdlib.h>
 

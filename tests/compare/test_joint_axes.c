@@ -1,8 +1,9 @@
 // Axes of joints-csv files: as their first line says, or found out by the body. The truth is the exercise's.
+#include "tests/support/test.h"
+
 #include "compare/comparison.h"
 #include "tests/support/exercise.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,12 +1,13 @@
 // joints-csv files: what is read, what is left out, and one sentence for each kind that is refused.
-#include "compare/joint_samples.h"
+#include "tests/support/test.h"
+
 #include "compare/comparison.h"
-#include "compare/movement.h"
 #include "compare/findings.h"
+#include "compare/joint_samples.h"
+#include "compare/movement.h"
 #include "compare/report.h"
 #include "tests/support/exercise.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,8 +1,9 @@
 // Repetitions counted in movements of a person made of exact joints, whose number is known.
+#include "tests/support/test.h"
+
 #include "compare/movement.h"
 #include "compare/repetitions.h"
 #include "tests/support/exercise.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 

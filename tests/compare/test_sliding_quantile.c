@@ -1,7 +1,8 @@
 // A sliding weighed quantile against sorting every window anew.
+#include "tests/support/test.h"
+
 #include "compare/movement.h"
 #include "tests/support/random.h"
-#include "tests/support/test.h"
 
 #include <stdlib.h>
 
@@ -21,7 +22,7 @@ static int by_value_and_frame(const void *a, const void *b)
 
 static float sorted_quantile(const struct item *series, int32_t first, int32_t end, double share, double *sum)
 {
-    struct item window[SLIDING_MOST];
+    struct item window[SLIDING_MAX];
     double before = 0;
     *sum = 0;
     for (int32_t k = first; k < end; k++) {
@@ -48,7 +49,7 @@ static void test_equals_sorting(void **state)
         series[k] = (struct item){(float)(floor(value * 9) / 9 - 0.5), (float)rng_between(&rng, 0.01, 1), k};
     }
     static const double shares[] = {0.25, 0.5, 0.67};
-    for (int half = 0; 2 * half + 1 <= SLIDING_MOST; half += 5) {
+    for (int half = 0; 2 * half + 1 <= SLIDING_MAX; half += 5) {
         struct sliding_quantile s = {.count = 0};
         for (int32_t k = 0; k < half; k++)
             sliding_add(&s, k, series[k].value, series[k].weight);

@@ -1,9 +1,10 @@
 // A model is read as it was written; broken ones are refused with a sentence, whatever byte is broken.
-#include "formats/glb_reader.h"
+#include "tests/support/test.h"
+
 #include "app/place/place_things.h"
+#include "formats/glb_reader.h"
 #include "tests/support/random.h"
 #include "tests/support/room_rehearsal.h"
-#include "tests/support/test.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,13 +1,12 @@
 // What a recording keeps of the actor's model (reenact/avatar/avatar.h), with the right checksums and any
 // content: what is read as a model can be drawn and exported. The input is a sequence of edits of a small model's
 // bytes: where (two bytes), how many (one), and the new ones.
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/files/jpeg.h"
 #include "reenact/avatar/avatar.h"
 #include "reenact/avatar/tsdf.h"
 #include "reenact/export/actor_export.h"
 #include "reenact/frame/frame_layer.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,8 +1,7 @@
 // Any text as an Azure Kinect's calibration.json: what is accepted are lenses that can be used, and what resamples to
 // them stays inside the image.
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/sensors/azure_kinect.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <math.h>
 

@@ -1,10 +1,9 @@
 // Any bytes as a file beside a small database: its journal or its log. Reading changes neither; whatever is read,
 // SQLite finds no way past its ends; writing ends in a status, too.
 #pragma once
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/files/database.h"
 #include "platform/files/file.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,7 +1,6 @@
 // Any bytes as a calibration.json.
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/sensors/source.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

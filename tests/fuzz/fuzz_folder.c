@@ -1,7 +1,6 @@
 // Any bytes as a folder's lists: rgb.txt, a 0, depth.txt. Frames are read as a sensor's and as a camera's.
-#include "tests/fuzz/fuzz_source.h"
-
 #include "platform/files/png.h"
+#include "tests/fuzz/fuzz_source.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,8 +1,7 @@
 // Any bytes as what a server answers: headers, bodies, redirects. A line "----" parts the answers to requests that
 // follow one another, as after a redirect. The server is a thread of this process, on a loopback address.
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/network/http_client.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <arpa/inet.h>
 #include <poll.h>
@@ -12,7 +11,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { MOST_BYTES = 4096, PATIENCE_MS = 200 };
+enum { MAX_BYTES = 4096, PATIENCE_MS = 200 };
 
 static struct {
     pthread_mutex_t lock;
@@ -102,12 +101,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     snprintf(url, sizeof url, "http://127.0.0.1:%d/things/mug", server.port);
     struct http_limits limits = http_default_limits();
     limits.total_ms = PATIENCE_MS;
-    limits.most_bytes = MOST_BYTES;
+    limits.most_bytes = MAX_BYTES;
     struct http_answer got;
     const enum status status = fuzz_said(http_get(url, "\"before\"", &limits, &got));
     FUZZ_CHECK(strnlen(got.etag, sizeof got.etag) < sizeof got.etag);
     FUZZ_CHECK(status == OK || (!got.body && !got.count));
-    FUZZ_CHECK(got.count <= MOST_BYTES && (!got.body || !got.body[got.count]));
+    FUZZ_CHECK(got.count <= MAX_BYTES && (!got.body || !got.body[got.count]));
     free(got.body);
     pthread_mutex_lock(&server.lock); // the data is the caller's again
     server.data = NULL;

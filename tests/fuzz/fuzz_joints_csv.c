@@ -1,7 +1,6 @@
 // Any bytes as a joints-csv file.
-#include "tests/fuzz/fuzz.h"
-
 #include "compare/movement.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

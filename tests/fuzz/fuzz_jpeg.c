@@ -1,7 +1,6 @@
 // Any bytes as a JPEG.
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/files/jpeg.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

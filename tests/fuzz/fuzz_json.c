@@ -1,7 +1,6 @@
 // Any bytes as JSON; what is read is printed and read again.
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/files/json.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <string.h>
 

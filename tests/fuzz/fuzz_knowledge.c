@@ -1,8 +1,7 @@
 // Any bytes as a knowledge base's answer. What is understood of it is plain text, and can be printed and read again.
-#include "tests/fuzz/fuzz.h"
-
 #include "base/text.h"
 #include "objects/thing_knowledge.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <stdio.h>
 #include <string.h>

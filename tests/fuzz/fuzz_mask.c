@@ -1,7 +1,6 @@
 // Any bytes as the code of a mask. What decodes is encoded again and gives the same image.
-#include "tests/fuzz/fuzz.h"
-
 #include "recording/depth_codec.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <string.h>
 

@@ -1,8 +1,7 @@
 // Any bytes as an objects.json, beside a picture p.png.
-#include "tests/fuzz/fuzz.h"
-
 #include "objects/thing.h"
 #include "platform/files/png.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -1,8 +1,7 @@
 // Any bytes as a PNG of each kind.
-#include "tests/fuzz/fuzz.h"
-
 #include "base/pixels.h"
 #include "platform/files/png.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

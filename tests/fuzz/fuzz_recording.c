@@ -1,7 +1,6 @@
 // Any bytes as a recording: opened, everything read, verified, repaired; what repair makes is sound.
-#include "tests/fuzz/fuzz.h"
-
 #include "recording/recording.h"
+#include "tests/fuzz/fuzz.h"
 
 static void read_all(const char *path)
 {

@@ -1,8 +1,7 @@
 // Rows with any content and right checksums, which random bytes never get: a writer's bug, or an attack. They are read,
 // verified and repaired; what repair makes is sound. The input is a sequence of rows: a byte for the kind, then fields.
-#include "tests/fuzz/fuzz.h"
-
 #include "recording/recording_schema.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <string.h>
 
@@ -237,8 +236,8 @@ static void check_takes(const char *path)
         struct take *t;
         FUZZ_CHECK(take_open(&t, r, recording_take_name(r, i)) == OK);
         const int64_t count = take_frame_count(t);
-        FUZZ_CHECK(!count || (take_entry(t, 0)->time_ns >= -TAKE_TIME_MOST_NS &&
-                              take_entry(t, count - 1)->time_ns <= TAKE_TIME_MOST_NS));
+        FUZZ_CHECK(!count || (take_entry(t, 0)->time_ns >= -TAKE_TIME_MAX_NS &&
+                              take_entry(t, count - 1)->time_ns <= TAKE_TIME_MAX_NS));
         take_close(&t);
     }
     recording_free(&r);

@@ -1,8 +1,7 @@
 // For fuzz targets whose input is a sensor's or a camera's.
 #pragma once
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/sensors/source.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <string.h>
 #include <sys/stat.h>

@@ -1,8 +1,7 @@
 // Any bytes as a rig.json, and as a list of a rig's pairs. A rig can be written and read again.
-#include "tests/fuzz/fuzz.h"
-
 #include "capture/calibration/stereo_rig.h"
 #include "objects/stereo_pairs.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <string.h>
 

@@ -1,9 +1,8 @@
 // Any bytes as a list of poses, a list of files, a robot's calibration.json and a PLY file of points: what surroundings
 // are read from.
-#include "tests/fuzz/fuzz.h"
-
 #include "formats/ply.h"
 #include "surround/reading/surround_set.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <math.h>
 #include <stdio.h>

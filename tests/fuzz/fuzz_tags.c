@@ -1,7 +1,6 @@
 // Any bytes as a tags.json.
-#include "tests/fuzz/fuzz.h"
-
 #include "capture/mapping/mapper.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -1,7 +1,6 @@
 // Any bytes as a network.
-#include "tests/fuzz/fuzz.h"
-
 #include "neural/tflite.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

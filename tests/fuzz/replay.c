@@ -1,7 +1,6 @@
 // Runs a target over files, and over the files of folders: fuzz_X PATH…
-#include "tests/fuzz/fuzz.h"
-
 #include "platform/files/file.h"
+#include "tests/fuzz/fuzz.h"
 
 #include <dirent.h>
 #include <stdio.h>

@@ -1,8 +1,9 @@
 // A camera tracked from image to image past printed tags, the true poses known.
+#include "tests/support/test.h"
+
 #include "locate/camera_tracker.h"
 #include "locate/pose_fusion.h"
 #include "tests/support/tag_picture.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,9 +1,10 @@
 // Tag corners, planar poses, the pose solver, and the locator on single images.
+#include "tests/support/test.h"
+
 #include "locate/locator.h"
 #include "locate/pose_solver.h"
 #include "tests/support/tag_picture.h"
 #include "tests/support/tag_view.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,9 +1,10 @@
 // Hard cases of localisation, by name; each prints its error.
+#include "tests/support/test.h"
+
 #include "locate/focal_estimate.h"
 #include "locate/locator.h"
 #include "tests/support/tag_picture.h"
 #include "tests/support/tag_view.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -53,7 +54,7 @@ static double off_m(struct pose a, struct pose b) { return v3_distance(a.transla
 static double off_deg(struct pose a, struct pose b) { return pose_angle(a, b) * 57.29577951308232; }
 
 // The pose or, if it is ambiguous, the other one is right.
-static void expect_one_tag(const char *name, struct pose truth, uint64_t seed, double most_m, double most_deg)
+static void expect_one_tag(const char *name, struct pose truth, uint64_t seed, double max_m, double most_deg)
 {
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
     struct location at;
@@ -64,7 +65,7 @@ static void expect_one_tag(const char *name, struct pose truth, uint64_t seed, d
     struct pose found = other ? at.other : at.world_from_camera;
     printf("%s: %.2f mm, %.3f degrees (sigma %.2f mm)%s\n", name, off_m(found, truth) * 1e3, off_deg(found, truth),
            at.position_sigma_m * 1e3, status == AMBIGUOUS ? ", ambiguous" : "");
-    EXPECT_AT_MOST(off_m(found, truth), most_m);
+    EXPECT_AT_MOST(off_m(found, truth), max_m);
     EXPECT_AT_MOST(off_deg(found, truth), most_deg);
 }
 

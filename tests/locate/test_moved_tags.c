@@ -1,9 +1,10 @@
 // Tags that were moved, while the place was mapped and since. They are left out and reported, and no camera is
 // localised by them, even where no other tag is in view.
+#include "tests/support/test.h"
+
 #include "capture/mapping/mapper.h"
 #include "locate/locator.h"
 #include "tests/support/align.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

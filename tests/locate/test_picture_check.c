@@ -1,9 +1,10 @@
 // Whether pictures and lens belong together: a tablet's walk through the small world, mapped with its true lens, with
 // the lens or the pictures changed.
+#include "tests/support/test.h"
+
 #include "capture/mapping/mapper.h"
 #include "locate/camera_tracker.h"
 #include "locate/picture_check.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>
@@ -34,7 +35,7 @@ static void map_room(void)
     for (int32_t i = 0; i < count; i++)
         tags[i] = (struct mapper_tag){all[i].id, all[i].side_m};
     struct mapper_options options = mapper_default_options();
-    options.most_points = SANITIZED ? 700 : 1500;
+    options.max_points = SANITIZED ? 700 : 1500;
     EXPECT_STATUS(mapper_open(&m, &c, tags, count, &options), OK);
     for (int i = 0; i < SWEEP; i++) {
         const struct world_shot shot = {c.color, world_sweep_pose(room.world, (double)sweep_ns(i) * 1e-9), 0, false};

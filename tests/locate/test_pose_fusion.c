@@ -2,8 +2,8 @@
 // where the covariances nearly contradict each other.
 #include "tests/support/test.h"
 
-#include "locate/pose_fusion.h"
 #include "base/linear_algebra.h"
+#include "locate/pose_fusion.h"
 
 #include <math.h>
 #include <string.h>
@@ -50,7 +50,7 @@ static void test_repeated_measurement_adds_no_information(void **state)
 {
     (void)state;
     static const struct {
-        double same, least_m, most_m; // how much of 10 mm is corrected in the end
+        double same, least_m, max_m; // how much of 10 mm is corrected in the end
     } cases[] = {{1, 0.0049, 0.0052}, {0, 0.0095, 0.01}};
     for (size_t c = 0; c < COUNT_OF(cases); c++) {
         struct pose_fusion a = started(NOISE);
@@ -66,7 +66,7 @@ static void test_repeated_measurement_adds_no_information(void **state)
         print_message("%s: moved by %.2f of 10 mm, at most %.2f at a time\n",
                       cases[c].same > 0 ? "the same tags" : "other tags", 1e3 * moved_m, 1e3 * largest_m);
         EXPECT_AT_LEAST(moved_m, cases[c].least_m);
-        EXPECT_AT_MOST(moved_m, cases[c].most_m);
+        EXPECT_AT_MOST(moved_m, cases[c].max_m);
         EXPECT_AT_MOST(largest_m, 0.002); // no visible jump
     }
 }

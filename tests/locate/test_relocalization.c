@@ -1,9 +1,10 @@
 // Localisation in a furnished room under bad conditions: tags hidden, little light, motion blur, occlusion; and in
 // rooms that are not as they were mapped.
+#include "tests/support/test.h"
+
 #include "locate/locator.h"
 #include "locate/relocalization.h"
 #include "tests/support/film.h"
-#include "tests/support/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

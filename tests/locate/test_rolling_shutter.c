@@ -1,6 +1,8 @@
 // A camera with a rolling shutter that moves at 1 m/s and rotates at up to 60 degrees a second through the small world:
 // it must be localised about as well as one with a global shutter. Every row is rendered from where the camera is when
 // it is read.
+#include "tests/support/test.h"
+
 #include "base/linear_algebra.h"
 #include "locate/camera_tracker.h"
 #include "locate/locator.h"
@@ -8,7 +10,6 @@
 #include "locate/rolling_shutter.h"
 #include "tests/support/film.h"
 #include "tests/support/random.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>

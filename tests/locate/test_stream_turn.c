@@ -5,8 +5,9 @@
 // wrongly, and 17 are named when mirrored. What is not noticed: a person in the middle of a bare room, who looks alike
 // from both sides; and kitchen, whose depth does not lie well on its colour. That colour may be what is turned, where
 // depth has a camera of its own, was added after the two such films here had been looked at.
-#include "locate/stream_turn.h"
 #include "tests/support/test.h"
+
+#include "locate/stream_turn.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

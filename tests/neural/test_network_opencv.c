@@ -3,8 +3,8 @@
 // fetches them).
 #include "tests/support/test.h"
 
-#include "platform/files/file.h"
 #include "neural/network.h"
+#include "platform/files/file.h"
 #include "tests/neural/network_by_opencv.h"
 #include "tests/world/world.h"
 
@@ -22,7 +22,7 @@ static const double MOST = 0.01;
 // The person's outline, which neural/pose_network.c does not want, hangs on every bit of the input: 2e-7 of each
 // value change it by 4e-4 of its largest value, and the engines differed by up to 4e-3 of that (of zeros). By this
 // share:
-static const double MOST_SHARE = 1e-2;
+static const double MAX_SHARE = 1e-2;
 enum { NO_OUTLINE = -1, OUTLINE = 2 };
 
 static struct world *world;
@@ -82,7 +82,7 @@ static void compare(const char *name, bool is_outline, const float *ours, const 
         largest = fmax(largest, fabs(b));
     }
     print_message("%s: %zu values up to %.4g, off by at most %.2g\n", name, count, largest, worst);
-    EXPECT_AT_MOST(worst, is_outline ? MOST_SHARE * largest : MOST);
+    EXPECT_AT_MOST(worst, is_outline ? MAX_SHARE * largest : MOST);
 }
 
 // False: it is not there.

@@ -3,8 +3,8 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "recording/skeleton.h"
 #include "neural/pose_network.h"
+#include "recording/skeleton.h"
 #include "tests/world/world.h"
 
 #include <unistd.h>

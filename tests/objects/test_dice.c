@@ -1,7 +1,8 @@
 // How often the tracked skeleton is wrong on a few random films, and that these are the same however they are made. The
 // measurement on many is `reenact-bench skeleton --dice N`.
-#include "tests/support/dice_score.h"
 #include "tests/support/test.h"
+
+#include "tests/support/dice_score.h"
 
 #include <stdio.h>
 #include <string.h>

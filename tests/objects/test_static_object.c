@@ -1,10 +1,10 @@
 // Furniture that was taken for a person, in a room without a map: when a person enters, the person is tracked instead.
 // And a person who stands still is not taken for furniture when another walks past.
-#include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
 #include "capture/segmentation/segment.h"
 #include "capture/tracking/skeleton_smoother.h"
+#include "tests/support/tracked_film.h"
 
 enum { FPS = 30 };
 

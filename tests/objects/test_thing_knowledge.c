@@ -1,12 +1,13 @@
 // What a knowledge base says of things: good and malicious JSON-LD; a server (nginx) that is good, slow, absent, wrong,
 // huge, redirecting, or has a certificate that no authority signed. Without nginx that half is skipped.
-#include "objects/thing_knowledge.h"
+#include "tests/support/test.h"
+
 #include "base/clock.h"
-#include "platform/network/address.h"
+#include "objects/thing_knowledge.h"
 #include "platform/files/file.h"
+#include "platform/network/address.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <arpa/inet.h>
 #include <signal.h>

@@ -1,6 +1,7 @@
 // Sightings become one thing in the map: smaller covariance, moved, gone; an outlier changes nothing.
-#include "objects/thing_map.h"
 #include "tests/support/test.h"
+
+#include "objects/thing_map.h"
 
 static struct sighting at(double x, double y, double z, double sigma)
 {

@@ -1,10 +1,10 @@
 // Things on a made-up desk: found where they stand with an honest covariance, and what is absent is not found.
-#include "objects/thing_recognition.h"
+#include "tests/support/test.h"
 
+#include "objects/thing_recognition.h"
 #include "platform/files/png.h"
 #include "tests/bench/plain_matching.h"
 #include "tests/support/desk.h"
-#include "tests/support/test.h"
 
 enum { SEED = 33, PIXELS = 640 * 480 };
 

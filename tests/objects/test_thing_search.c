@@ -1,9 +1,10 @@
 // Things looked for in single pictures with known poses: placed by size, and better by depth; what depth contradicts is
 // left out.
+#include "tests/support/test.h"
+
 #include "objects/thing_search.h"
 #include "tests/support/desk.h"
 #include "tests/support/random.h"
-#include "tests/support/test.h"
 
 #include <math.h>
 #include <string.h>

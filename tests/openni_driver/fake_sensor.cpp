@@ -23,11 +23,11 @@
 #include "platform/sensors/source_internal.h"
 #pragma GCC diagnostic pop
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

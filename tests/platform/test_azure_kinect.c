@@ -2,9 +2,9 @@
 // it, the lenses against the sensor's own formula, and a sentence for each kind of fault.
 #include "tests/support/test.h"
 
-#include "platform/sensors/azure_kinect.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
+#include "platform/sensors/azure_kinect.h"
 #include "platform/sensors/source.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"

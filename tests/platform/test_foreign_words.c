@@ -6,8 +6,8 @@
 #include "platform/files/file.h"
 #include "platform/files/image_file.h"
 #include "platform/files/png.h"
-#include "platform/sensors/source.h"
 #include "platform/files/video.h"
+#include "platform/sensors/source.h"
 #include "tests/support/scratch.h"
 
 #include <stdio.h>

@@ -1,8 +1,9 @@
 // Feature positions are unbiased at every pyramid level: an image rotated by 180 degrees has the same features at the
 // same places.
+#include "tests/support/test.h"
+
 #include "locate/landmark_matching.h"
 #include "tests/support/random.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 

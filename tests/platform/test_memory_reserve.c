@@ -1,6 +1,7 @@
 // An operator new that fails is given each reserve once, the newest first, and fails as ever when none is left.
-#include "tests/platform/handler_of_new.h"
 #include "tests/support/test.h"
+
+#include "tests/platform/handler_of_new.h"
 
 static void test_each_reserve_is_given_once(void **state)
 {

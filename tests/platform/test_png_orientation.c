@@ -1,9 +1,10 @@
 // A PNG picture that says how it is to be turned (its chunk eXIf, as cameras' software writes) is read as it is stored.
+#include "tests/support/test.h"
+
 #include "platform/files/file.h"
 #include "platform/files/image_file.h"
 #include "platform/files/png.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>

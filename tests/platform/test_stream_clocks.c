@@ -1,8 +1,9 @@
 // Colour and depth of one sensor by different clocks are named with the offset or rate; streams of one clock are not
 // blamed, whatever their rates, gaps, late starts and early ends.
+#include "tests/support/test.h"
+
 #include "platform/sensors/stream_clocks.h"
 #include "tests/support/random.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 

@@ -1,6 +1,7 @@
 // The tag detector: numbers, corners and their order, duplicates, images without tags, invalid options.
-#include "tests/support/tag_picture.h"
 #include "tests/support/test.h"
+
+#include "tests/support/tag_picture.h"
 
 #include <string.h>
 

@@ -1,9 +1,9 @@
 // Text files as editors of all systems leave them.
-#include "platform/files/text_file.h"
+#include "tests/support/test.h"
 
 #include "platform/files/file.h"
+#include "platform/files/text_file.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <string.h>
 

@@ -257,7 +257,7 @@ static void test_batch_is_due_by_the_sensors_clock(void **state)
     EXPECT_INT(counters.waiting_frames, 0);
     EXPECT_INT(counters.waiting_bytes, 0);
     EXPECT_INT(counters.synced_ns, (int64_t)(FRAMES - 1) * SPACING_NS);
-    EXPECT_TRUE(counters.waiting_frames_most >= 1 && counters.waiting_frames_most <= FRAMES);
+    EXPECT_TRUE(counters.waiting_frames_max >= 1 && counters.waiting_frames_max <= FRAMES);
 }
 
 // And by the wall clock, if the sensor falls silent after one frame.

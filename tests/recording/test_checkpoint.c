@@ -1,10 +1,10 @@
 // A checkpoint beside a connection that commits: a commit that resets the write-ahead log just after the checkpoint has
 // read the log's header is not lost (SQLite's "WAL-Reset Bug", sqlite.org/wal.html, in Debian 12's version). A VFS
 // meets the instant: xUnfetch is the only call of it between the two.
-#include "tests/support/scratch.h"
 #include "tests/support/test.h"
 
 #include "platform/files/database.h"
+#include "tests/support/scratch.h"
 
 #include <sqlite3.h>
 #include <stdio.h>

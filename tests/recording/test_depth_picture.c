@@ -1,9 +1,8 @@
 // Takes of sensors without colour: the picture of a depth image on surfaces whose slopes are known, and what a take
 // that is opened to be looked at says of itself.
+#include "recording/depth_picture.h"
 #include "tests/support/random.h"
 #include "tests/support/recording_sample.h"
-
-#include "recording/depth_picture.h"
 
 enum { W = 160, H = 120, PIXELS = W * H, BRIGHTEST = 226, DARKEST = 68 };
 

@@ -1,12 +1,11 @@
 // What is deleted is no longer in the file nor beside it, whoever else has the file open; where that cannot be had it
 // is said, and asking again finishes it. Nothing of one person comes into another's file.
+#include "recording/prepared.h"
+#include "recording/recording_reader.h"
+#include "recording/recording_takes.h"
 #include "tests/support/copy_file.h"
 #include "tests/support/random.h"
 #include "tests/support/recording_sample.h"
-
-#include "recording/recording_takes.h"
-#include "recording/prepared.h"
-#include "recording/recording_reader.h"
 
 static struct recording *recording;
 static struct take *take;

@@ -1,10 +1,9 @@
 // The files that SQLite keeps beside a recording, its log and its journal, and the recording's names: by a link from
 // another folder they are found, of two names none is written to, and those of another recording are not taken for a
 // new one's.
-#include "tests/support/recording_sample.h"
-
-#include "recording/recording_reader.h"
 #include "platform/files/file.h"
+#include "recording/recording_reader.h"
+#include "tests/support/recording_sample.h"
 
 #include <sys/stat.h>
 #include <sys/wait.h>

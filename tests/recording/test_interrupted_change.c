@@ -1,9 +1,8 @@
 // A program that was killed while it changed a recording: what it had overwritten is in SQLite's rollback journal. Who
 // reads the file reads that from there, and changes nothing; who writes to it puts it back first.
-#include "tests/support/recording_sample.h"
-
 #include "platform/files/file.h"
 #include "tests/support/recording_hash.h"
+#include "tests/support/recording_sample.h"
 #include "tests/support/sql.h"
 
 #include <sys/stat.h>

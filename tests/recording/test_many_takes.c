@@ -1,8 +1,7 @@
 // A file of very many takes is opened, listed and verified in a time that grows as they do: quadratic, twenty thousand
 // of them would take minutes.
-#include "tests/support/recording_sample.h"
-
 #include "recording/recording_reader.h"
+#include "tests/support/recording_sample.h"
 
 #include <time.h>
 

@@ -1,8 +1,7 @@
 // What verify finds in a place whose checksums are right but whose content cannot be (a writer's bug), or that is
 // damaged, and what repair saves: each view, thing or covariance costs itself alone.
-#include "tests/support/expect_repair.h"
-
 #include "recording/recorded_things.h"
+#include "tests/support/expect_repair.h"
 #include "tests/support/sql.h"
 
 enum { SAMPLE_VIEWS = 3, THINGS = 3 };

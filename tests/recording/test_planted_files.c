@@ -2,7 +2,6 @@
 // mutated, that name a file to be deleted, links, folders. Whatever lies there, no other file is touched, who reads
 // changes nothing and makes nothing, and what is read is right or refused with a sentence; and so is what is written.
 #include "tests/support/planted.h"
-
 #include "tests/support/recording_hash.h"
 
 #include <dirent.h>

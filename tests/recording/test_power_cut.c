@@ -1,10 +1,9 @@
 // Power cuts while a take is recorded: the file stays readable, and at most a second of film is lost.
 //
 // test_power_cut [COUNT]: that many cuts, at random operations; default 24.
-#include "tests/support/recording_sample.h"
-
 #include "base/clock.h"
 #include "tests/support/power_cut.h"
+#include "tests/support/recording_sample.h"
 
 #include <sys/mman.h>
 #include <sys/wait.h>

@@ -2,12 +2,11 @@
 // before or what it was to hold; of a copy, maybe a part.
 //
 // test_power_cut_changes [COUNT]: that many cuts of each kind of change, evenly over its operations; default 18.
-#include "tests/support/recording_sample.h"
-
-#include "recording/recording_schema.h"
 #include "platform/files/file.h"
+#include "recording/recording_schema.h"
 #include "tests/support/power_cut.h"
 #include "tests/support/recording_hash.h"
+#include "tests/support/recording_sample.h"
 
 #include <sys/mman.h>
 #include <sys/wait.h>

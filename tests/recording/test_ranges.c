@@ -1,9 +1,8 @@
 // What a foreign program wrote with right checksums, and is not as docs/format.md says: verify finds it, and no reader
 // hands it on.
+#include "recording/recording_reader.h"
 #include "tests/support/recording_sample.h"
 #include "tests/support/sql.h"
-
-#include "recording/recording_reader.h"
 
 enum { FRAME = 7 };
 

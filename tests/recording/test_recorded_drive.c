@@ -1,10 +1,11 @@
 // Where a robot was driven, in a recording: written, read, replaced, carried over by repair; older files have none;
 // damage is noticed.
+#include "tests/support/test.h"
+
+#include "platform/files/database.h"
 #include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"
-#include "platform/files/database.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 

@@ -1,8 +1,9 @@
 // Things in a recording: written, read, replaced; older files have none; damage is noticed.
-#include "recording/recorded_things.h"
-#include "platform/files/database.h"
-#include "tests/support/scratch.h"
 #include "tests/support/test.h"
+
+#include "platform/files/database.h"
+#include "recording/recorded_things.h"
+#include "tests/support/scratch.h"
 
 #include <stdio.h>
 

@@ -1,10 +1,9 @@
 // A recording returns what was stored, bit for bit, and answers wrong files and wrong names with a status and a
 // sentence. Handles on one take share its index.
-#include "tests/support/recording_sample.h"
-
 #include "base/clock.h"
-#include "recording/recording_schema.h"
 #include "platform/files/database.h"
+#include "recording/recording_schema.h"
+#include "tests/support/recording_sample.h"
 
 #include <pthread.h>
 #include <sys/wait.h>

@@ -1,10 +1,9 @@
 // What a recording survives: a killed writer, a full disk, truncation, wrong bytes.
-#include "tests/support/recording_hash.h"
-#include "tests/support/recording_sample.h"
-
-#include "recording/recording_schema.h"
 #include "base/clock.h"
 #include "platform/files/database.h"
+#include "recording/recording_schema.h"
+#include "tests/support/recording_hash.h"
+#include "tests/support/recording_sample.h"
 
 #include <signal.h>
 #include <sys/mman.h>

@@ -1,10 +1,9 @@
 // What verify finds, what repair saves, and what one damaged row costs. Past versions of the file, which open for ever.
+#include "base/clock.h"
+#include "recording/recording_schema.h"
 #include "tests/support/copy_file.h"
 #include "tests/support/expect_repair.h"
 #include "tests/support/recording_hash.h"
-
-#include "recording/recording_schema.h"
-#include "base/clock.h"
 #include "tests/support/sql.h"
 
 #define OLD SOURCE_DIR "/tests/recording/data/"
@@ -148,7 +147,7 @@ static void test_a_time_of_no_clock_costs_its_frame_alone(void **state)
     static const struct {
         int64_t time_ns;
         int kept;
-    } times[] = {{INT64_MAX, 2}, {TAKE_TIME_MOST_NS + 1, 2}, {TAKE_TIME_MOST_NS, 3}};
+    } times[] = {{INT64_MAX, 2}, {TAKE_TIME_MAX_NS + 1, 2}, {TAKE_TIME_MAX_NS, 3}};
     for (size_t i = 0; i < COUNT_OF(times); i++) {
         struct recording_report report;
         const char *path = copy_of("sealed");
@@ -161,13 +160,13 @@ static void test_a_time_of_no_clock_costs_its_frame_alone(void **state)
     }
     const struct calibration calibration = sample_calibration();
     struct recording_writer *w;
-    struct take_frame frame = {.world_from_camera = POSE_IDENTITY, .time_ns = -TAKE_TIME_MOST_NS - 1};
+    struct take_frame frame = {.world_from_camera = POSE_IDENTITY, .time_ns = -TAKE_TIME_MAX_NS - 1};
     EXPECT_STATUS(recording_create(&w, sample_path("times")), OK);
     EXPECT_STATUS(recording_begin_take(w, "a", &calibration), OK);
     EXPECT_STATUS(recording_add_frame(w, &frame), ERR_INPUT);
     frame.time_ns++;
     EXPECT_STATUS(recording_add_frame(w, &frame), OK);
-    frame.time_ns = TAKE_TIME_MOST_NS + 1;
+    frame.time_ns = TAKE_TIME_MAX_NS + 1;
     EXPECT_STATUS(recording_add_frame(w, &frame), ERR_INPUT);
     EXPECT_STATUS(recording_close(&w), OK);
 }

@@ -1,9 +1,8 @@
 // A calibration with registered depth has the identity as color_from_depth: refused when written otherwise, corrected
 // when an older file is read or repaired.
-#include "tests/support/recording_sample.h"
-
-#include "recording/recording_schema.h"
 #include "platform/files/database.h"
+#include "recording/recording_schema.h"
+#include "tests/support/recording_sample.h"
 
 // Where depth is registered to colour, color_from_depth is the identity: the writer refuses another, and reading files
 // that have one replaces it, since capture would use it and reenact would not.

@@ -1,13 +1,12 @@
 // Takes are renamed, annotated, deleted, trimmed and copied.
-#include "tests/support/recording_hash.h"
-#include "tests/support/recording_sample.h"
-
 #include "recording/place.h"
 #include "recording/prepared.h"
 #include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"
 #include "recording/recording_reader.h"
 #include "tests/support/random.h"
+#include "tests/support/recording_hash.h"
+#include "tests/support/recording_sample.h"
 #include "tests/support/sql.h"
 
 static struct recording *recording;

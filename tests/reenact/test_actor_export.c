@@ -1,12 +1,12 @@
 // The actor as glTF: read back by hand, vertex by vertex, against linear blend skinning of the avatar; and by Khronos's
 // validator, where tools/gltf-validator has fetched it.
-#include "tests/support/process.h"
-#include "tests/support/rehearsed.h"
 #include "tests/support/test.h"
 
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "reenact/export/actor_export.h"
+#include "tests/support/process.h"
+#include "tests/support/rehearsed.h"
 
 #include <stdio.h>
 #include <unistd.h>

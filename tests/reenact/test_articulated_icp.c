@@ -1,10 +1,10 @@
 // Registration of a shape that is known, the cylinders of an avatar that no frame has shaped yet, to a painted person
 // of the same measures.
-#include "tests/support/painted_person.h"
 #include "tests/support/test.h"
 
 #include "reenact/avatar/articulated_icp.h"
 #include "reenact/avatar/tsdf.h"
+#include "tests/support/painted_person.h"
 
 #include <stdio.h>
 #include <string.h>

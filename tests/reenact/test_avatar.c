@@ -1,12 +1,12 @@
 // The avatar of a painted person: its shape, its registration to frames with wrong joints, and a renderer that gets it
 // after its first image.
-#include "tests/support/painted_person.h"
-#include "tests/support/random.h"
 #include "tests/support/test.h"
 
 #include "reenact/avatar/avatar.h"
 #include "reenact/avatar/silhouette_constraint.h"
 #include "reenact/render/actor_renderer.h"
+#include "tests/support/painted_person.h"
+#include "tests/support/random.h"
 
 #include <string.h>
 

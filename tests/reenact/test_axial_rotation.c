@@ -1,8 +1,8 @@
 // Axial rotation of round bones, which depth and joints do not show and colours do.
-#include "tests/support/painted_person.h"
 #include "tests/support/test.h"
 
 #include "reenact/avatar/avatar.h"
+#include "tests/support/painted_person.h"
 
 #include <string.h>
 

@@ -1,8 +1,8 @@
 // Bone charts: a stored field is read back; lookup clamps at the ends and wraps around; smoothing wraps around.
-#include "tests/support/random.h"
 #include "tests/support/test.h"
 
 #include "reenact/skeleton/body_cylinders.h"
+#include "tests/support/random.h"
 
 #include <string.h>
 

@@ -1,10 +1,10 @@
 // Labelling of a depth frame: the projector's shadow beside the actor, edges between surfaces against quantisation and
 // noise; and cached frames are identical.
-#include "tests/support/random.h"
-#include "tests/support/painted_person.h"
 #include "tests/support/test.h"
 
 #include "reenact/observation/depth_frame.h"
+#include "tests/support/painted_person.h"
+#include "tests/support/random.h"
 
 #include <string.h>
 

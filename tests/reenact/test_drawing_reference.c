@@ -3,9 +3,9 @@
 // where all colours are fused.
 #include "tests/support/test.h"
 
+#include "reenact/avatar/deformation.h"
 #include "reenact/render/avatar_renderer.h"
 #include "reenact/skeleton/skeleton_track.h"
-#include "reenact/avatar/deformation.h"
 #include "tests/support/rehearsed.h"
 
 #include <stdlib.h>
@@ -32,7 +32,7 @@ static double lit(const struct sh_irradiance *light, struct vec3 n)
     double sum = 0;
     for (int i = 0; i < SH_TERMS; i++)
         sum += (double)light->term[i] * y[i];
-    return fmin(fmax(sum, (double)IRRADIANCE_LEAST), (double)IRRADIANCE_MOST);
+    return fmin(fmax(sum, (double)IRRADIANCE_MIN), (double)IRRADIANCE_MAX);
 }
 
 // OpenGL rasterises vertices on a subpixel grid (256 per pixel in llvmpipe), which decides pixels whose centre lies on

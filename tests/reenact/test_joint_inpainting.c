@@ -1,9 +1,9 @@
 // A joint that is lost for a moment moves with the trunk, interpolated between the frames that know it; a take's
 // skeletons hold the same joints as inpaint_skeleton gives, in bounded memory.
-#include "tests/support/painted_person.h"
 #include "tests/support/test.h"
 
 #include "reenact/skeleton/skeleton_track.h"
+#include "tests/support/painted_person.h"
 
 #include <string.h>
 

@@ -418,7 +418,7 @@ static void ask_round(struct renderer *p, const struct lens *lens, struct pose v
     const struct renderer_view view = {
         .world_from_camera = viewer, .viewer_from_room = &viewer_from_room, .overlay = &overlay};
     struct renderer_result result;
-    float share[OVERLAY_GROUPS_MOST];
+    float share[OVERLAY_GROUPS_MAX];
     int count;
     EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_TRUE(renderer_overlay_texture(p));

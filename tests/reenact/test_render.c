@@ -1,7 +1,8 @@
 // The actor renderer against references in double precision, on synthetic takes: where
 // cylinders are drawn, their colours, mutual occlusion, determinism.
-#include "tests/support/painted_person.h"
 #include "tests/support/test.h"
+
+#include "tests/support/painted_person.h"
 
 #include <string.h>
 

@@ -6,11 +6,11 @@
 
 #include <stdio.h>
 
-enum { SEED = 1569, MOST_POINTS = 20000, MOST_CORNERS = 60000, MOST_SIDE = 1280 };
+enum { SEED = 1569, MAX_POINTS = 20000, MOST_CORNERS = 60000, MAX_SIDE = 1280 };
 #define TEXEL_M 0.01
 
 struct mesh {
-    struct vec3 point[MOST_POINTS];
+    struct vec3 point[MAX_POINTS];
     int32_t corner[MOST_CORNERS];
     struct surface_mesh surface;
 };
@@ -21,7 +21,7 @@ static void clear_mesh(void) { mesh.surface = (struct surface_mesh){.points = me
 
 static int32_t add_point(double x, double y, double z)
 {
-    assert_true(mesh.surface.point_count < MOST_POINTS);
+    assert_true(mesh.surface.point_count < MAX_POINTS);
     mesh.point[mesh.surface.point_count] = v3(x, y, z);
     return mesh.surface.point_count++;
 }
@@ -109,7 +109,7 @@ static void expect_same_points(const struct uv_mesh *uv)
         EXPECT_TRUE(uv->corners[i] >= 0 && uv->corners[i] < uv->point_count);
         EXPECT_INT(uv->points[uv->corners[i]], mesh.corner[i]);
     }
-    EXPECT_TRUE(uv->width <= MOST_SIDE && uv->height <= MOST_SIDE);
+    EXPECT_TRUE(uv->width <= MAX_SIDE && uv->height <= MAX_SIDE);
     for (int i = 0; i < uv->point_count; i++)
         EXPECT_TRUE(uv->at[i][0] >= 0.5 && uv->at[i][0] <= uv->width - 0.5 && uv->at[i][1] >= 0.5 &&
                     uv->at[i][1] <= uv->height - 0.5);

@@ -12,16 +12,15 @@ extern "C" {
 }
 #pragma GCC diagnostic pop
 
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <geometry_msgs/Twist.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 #include <sensor_msgs/Image.h>
-#include <tf2_msgs/TFMessage.h>
-
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
+#include <tf2_msgs/TFMessage.h>
 #include <vector>
 
 namespace

@@ -1,7 +1,7 @@
 // The avatar: bones that have no direction, a TSDF of one view, texture of triangles without area, inpainted gaps.
-#include "reenact/avatar/vertex_color.h"
 #include "reenact/avatar/texture_atlas.h"
 #include "reenact/avatar/tsdf.h"
+#include "reenact/avatar/vertex_color.h"
 #include "reenact/skeleton/bind_pose.h"
 #include "reenact/skeleton/skeleton_track.h"
 #include "tests/stability/stability.h"

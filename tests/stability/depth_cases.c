@@ -2,10 +2,10 @@
 #include "base/depth_noise.h"
 #include "capture/body/depth_evidence.h"
 #include "capture/export.h"
-#include "recording/depth_codec.h"
 #include "capture/segmentation/background_depth.h"
 #include "capture/segmentation/segment.h"
 #include "locate/tag_model.h"
+#include "recording/depth_codec.h"
 #include "tests/stability/stability.h"
 
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // The map of a place: bundle adjustment, triangulation, gravity, the locator of an empty place.
 #include "base/linear_algebra.h"
-#include "capture/sensor_pose.h"
 #include "capture/mapping/mapper.h"
+#include "capture/sensor_pose.h"
 #include "locate/locator.h"
 #include "platform/vision/bundle_adjustment.h"
 #include "tests/stability/stability.h"

@@ -1,8 +1,8 @@
 // Time: long takes, clocks that jump, a million frames.
 #include "app/state/frame_times.h"
 #include "app/state/playback_clock.h"
-#include "recording/recording.h"
 #include "compare/movement.h"
+#include "recording/recording.h"
 #include "reenact/skeleton/skeleton_track.h"
 #include "tests/stability/stability.h"
 

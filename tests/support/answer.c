@@ -1,6 +1,6 @@
-#include "tests/support/answer.h"
-
 #include "tests/support/test.h"
+
+#include "tests/support/answer.h"
 
 #include <string.h>
 

@@ -1,6 +1,6 @@
-#include "tests/support/box_room.h"
-
 #include "tests/support/test.h"
+
+#include "tests/support/box_room.h"
 
 #include <stdlib.h>
 

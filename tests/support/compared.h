@@ -1,9 +1,10 @@
 // Two movements of a person made of exact joints, compared; for the tests of what is said about them. Errors abort.
 #pragma once
+#include "tests/support/test.h"
+
 #include "compare/comparison.h"
 #include "compare/findings.h"
 #include "tests/support/exercise.h"
-#include "tests/support/test.h"
 
 static struct rng rng = {7};
 

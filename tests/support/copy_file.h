@@ -1,7 +1,8 @@
 // Replaces one file by a copy of another.
 #pragma once
-#include "platform/files/file.h"
 #include "tests/support/test.h"
+
+#include "platform/files/file.h"
 
 #include <unistd.h>
 

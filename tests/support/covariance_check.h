@@ -2,9 +2,10 @@
 // 95 % and 50 % ellipsoids (chi-squared test of the squared Mahalanobis distance). 6-vectors are ordered as in struct
 // location: rotation, then translation.
 #pragma once
+#include "tests/support/test.h"
+
 #include "base/linear_algebra.h"
 #include "locate/locator.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 

@@ -1,8 +1,7 @@
 #include "tests/support/dice_score.h"
 
-#include "tests/support/body_axes.h"
-
 #include "base/linear_algebra.h"
+#include "tests/support/body_axes.h"
 
 #include <math.h>
 

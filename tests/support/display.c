@@ -1,9 +1,10 @@
+#include "tests/support/test.h"
+
 #include "tests/support/display.h"
 
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "tests/support/process.h"
-#include "tests/support/test.h"
 
 #include <signal.h>
 #include <stdio.h>

@@ -442,12 +442,12 @@ enum status drive_trial_run(struct simulated_rover *r, enum trial_view view, str
 #define CLOSE_M 0.03
 #define STEP_S  0.2
 #define FASTEST 0.3
-enum { MOST_STEPS = 200 };
+enum { MAX_STEPS = 200 };
 
 enum status drive_trial_approach(struct simulated_rover *r, double *clearance_m)
 {
     enum status status = OK;
-    for (int i = 0; status == OK && i < MOST_STEPS && !r->touched; i++) {
+    for (int i = 0; status == OK && i < MAX_STEPS && !r->touched; i++) {
         const struct pose body = simulated_rover_pose(r);
         struct nearest_thing thing;
         status = simulated_rover_draw(r, operator_viewpoint(VIEWPOINT_ABOVE, body, r->how.size_m));

@@ -1,6 +1,6 @@
-#include "tests/support/exercise.h"
-
 #include "tests/support/test.h"
+
+#include "tests/support/exercise.h"
 
 struct exercise exercise_default(void)
 {

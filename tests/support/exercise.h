@@ -2,8 +2,8 @@
 // bend, and the right hand does more than the left, so that left and right can be distinguished. One repetition takes 3
 // s.
 #pragma once
-#include "recording/skeleton.h"
 #include "compare/joint_samples.h"
+#include "recording/skeleton.h"
 #include "tests/support/random.h"
 
 struct exercise {

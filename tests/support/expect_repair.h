@@ -1,8 +1,7 @@
 // Damaged recordings: what verify must say of them, and that what repair makes of them is sound.
 #pragma once
-#include "tests/support/recording_sample.h"
-
 #include "recording/recording_schema.h"
+#include "tests/support/recording_sample.h"
 
 // Verify finds it and says `words`; repair makes sample_path("repaired"), which verify finds sound. The report is
 // repair's.

@@ -1,11 +1,10 @@
 #include "tests/support/film.h"
 
 #include "capture/mapping/mapper.h"
-#include "tests/support/align.h"
-
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
+#include "tests/support/align.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // Films the small world into folders and places, for tests of whole stages. Errors abort.
 #pragma once
-#include "recording/place.h"
 #include "platform/files/image_file.h"
+#include "recording/place.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"
 

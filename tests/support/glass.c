@@ -1,7 +1,8 @@
+#include "tests/support/test.h"
+
 #include "tests/support/glass.h"
 
 #include "base/clock.h"
-#include "tests/support/test.h"
 
 #include <stdlib.h>
 

@@ -1,8 +1,9 @@
+#include "tests/support/test.h"
+
 #include "tests/support/live_glass.h"
 
 #include "app/ui/theme.h"
 #include "base/clock.h"
-#include "tests/support/test.h"
 
 #include <string.h>
 

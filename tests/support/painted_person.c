@@ -1,6 +1,6 @@
-#include "tests/support/painted_person.h"
-
 #include "tests/support/test.h"
+
+#include "tests/support/painted_person.h"
 
 #include "platform/files/jpeg.h"
 

@@ -1,9 +1,8 @@
 // Files to be planted beside a recording: journals and logs of programs that were killed, and a journal that names a
 // file to be deleted with it.
 #pragma once
-#include "tests/support/recording_sample.h"
-
 #include "recording/recording_reader.h"
+#include "tests/support/recording_sample.h"
 
 #include <sys/wait.h>
 

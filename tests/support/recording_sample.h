@@ -3,9 +3,9 @@
 #pragma once
 #include "tests/support/test.h"
 
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 #include <string.h>

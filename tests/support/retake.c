@@ -1,7 +1,8 @@
+#include "tests/support/test.h"
+
 #include "tests/support/retake.h"
 
 #include "platform/files/jpeg.h"
-#include "tests/support/test.h"
 
 #include <stdlib.h>
 #include <string.h>

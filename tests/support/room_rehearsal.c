@@ -1,11 +1,11 @@
 #include "tests/support/room_rehearsal.h"
 
-#include "recording/recorded_drive.h"
-#include "recording/recorded_things.h"
+#include "formats/glb_builder.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
-#include "formats/glb_builder.h"
+#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
 
 #include <math.h>
 #include <stdio.h>

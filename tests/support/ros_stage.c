@@ -1,9 +1,10 @@
+#include "tests/support/test.h"
+
 #include "tests/support/ros_stage.h"
 
 #include "base/clock.h"
 #include "platform/network/ros_robot.h"
 #include "tests/support/process.h"
-#include "tests/support/test.h"
 
 #include <arpa/inet.h>
 #include <signal.h>

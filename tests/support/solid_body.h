@@ -1,8 +1,8 @@
 // Depth images of the tracker's body model in a known pose, drawn without the product's own distances: each solid as
 // many balls along its axis and across it.
 #pragma once
-#include "capture/body/body_model.h"
 #include "base/lens.h"
+#include "capture/body/body_model.h"
 
 // Draws the body before a wall `wall_m` away; both images are of the lens's size. mask: 255 where the body is seen.
 void solid_body_draw(const struct body_build *build, const struct lens *lens, double wall_m, uint16_t *depth,

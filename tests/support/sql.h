@@ -1,7 +1,8 @@
 // Changes a recording behind the reader's back.
 #pragma once
-#include "platform/files/database.h"
 #include "tests/support/test.h"
+
+#include "platform/files/database.h"
 
 static inline void run_sql(const char *path, const char *sql)
 {

@@ -9,7 +9,7 @@ enum { RINGS = 3, SPOKES = 8 }; // of twice as many the centroids differ by 1e-4
 #define DISC_SHARE 0.3          // of the pitch: a disc's radius
 
 // The centroid of a disc's image, by summing area elements. False: a part of it is outside the picture.
-static bool disc_centroid(const struct lens *lens, double most_r2, struct pose camera_from_board, struct vec3 centre,
+static bool disc_centroid(const struct lens *lens, double max_r2, struct pose camera_from_board, struct vec3 centre,
                           double radius_m, struct pixel *out)
 {
     double sum = 0, x = 0, y = 0;
@@ -19,7 +19,7 @@ static bool disc_centroid(const struct lens *lens, double most_r2, struct pose c
             const double radius = radius_m * sqrt((ring + 0.5) / RINGS), angle = 2 * M_PI * spoke / SPOKES;
             const struct vec3 p =
                 pose_apply(camera_from_board, v3_add(centre, v3(radius * cos(angle), radius * sin(angle), 0)));
-            if (!(p.z > 0.01) || p.x * p.x + p.y * p.y > most_r2 * p.z * p.z)
+            if (!(p.z > 0.01) || p.x * p.x + p.y * p.y > max_r2 * p.z * p.z)
                 return false;
             const struct pixel at = lens_project(lens, p);
             if (!(at.x > 2 && at.y > 2 && at.x < lens->width - 3 && at.y < lens->height - 3))
@@ -77,14 +77,14 @@ static int see(struct stereo_set *set, struct rng *rng, int pair, int camera, st
     const struct lens *lens = camera ? &set->rig.right : &set->rig.left;
     const struct pose pose =
         camera ? pose_multiply(pose_inverse(set->rig.left_from_right), left_from_board) : left_from_board;
-    const double pitch = set->board.pitch_m, most_r2 = lens_max_radius2(lens);
+    const double pitch = set->board.pitch_m, max_r2 = lens_max_radius2(lens);
     int count = 0;
     for (int row = 0; row < set->board.rows; row++)
         for (int column = 0; column < set->board.columns; column++) {
             struct circle *c = &set->circles[pair][camera][count];
             const double dx = rng_normal(rng) * set->noise_px;
             const double dy = rng_normal(rng) * set->noise_px;
-            if (!disc_centroid(lens, most_r2, pose, v3(column * pitch, row * pitch, 0), DISC_SHARE * pitch, &c->at))
+            if (!disc_centroid(lens, max_r2, pose, v3(column * pitch, row * pitch, 0), DISC_SHARE * pitch, &c->at))
                 continue;
             const struct vec3 p = pose_apply(pose, v3(column * pitch, row * pitch, 0));
             const struct vec3 normal = quat_rotate(pose.rotation, v3(0, 0, 1));

@@ -1,10 +1,11 @@
+#include "tests/support/test.h"
+
 #include "tests/support/studio_stage.h"
 
 #include "base/clock.h"
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/png.h"
-#include "tests/support/test.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 #include <string.h>

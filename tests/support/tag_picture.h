@@ -1,8 +1,8 @@
 // Images of tags whose truth is known: rendered through a distorting lens with 6 x 6 samples a pixel in linear light,
 // then sRGB-encoded with a camera's noise. Shares no code with what it tests but the lens and the tag's bits.
 #pragma once
-#include "recording/place.h"
 #include "platform/vision/tag_detector.h"
+#include "recording/place.h"
 #include "tests/support/random.h"
 
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 // Included by every test: cmocka, and checks that print both values.
 #pragma once
+// cmocka.h needs what stands above it.
+// clang-format off
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -7,6 +9,7 @@
 
 #include <cmocka.h>
 #undef fail // ours, in status.h, sets the message; cmocka's stays _fail()
+// clang-format on
 
 #include "base/status.h"
 #include "tests/support/random.h"

@@ -1,7 +1,8 @@
+#include "tests/support/test.h"
+
 #include "tests/support/tracked_film.h"
 
 #include "base/linear_algebra.h"
-#include "tests/support/test.h"
 
 #include <string.h>
 

@@ -1,8 +1,7 @@
 // A tracker on frames of the small world, at half a Kinect's size with its noise. An error fails the test.
 #pragma once
-#include "tests/world/world.h"
-
 #include "capture/tracking/tracker.h"
+#include "tests/world/world.h"
 
 // Of similar cases tests take one in this many: under an emulator an image takes seconds.
 #ifdef EMULATED

@@ -2,8 +2,8 @@
 // --force, never over a recording, and that is checked before anything is drawn.
 #include "tests/support/test.h"
 
-#include "recording/recording.h"
 #include "platform/files/file.h"
+#include "recording/recording.h"
 #include "tests/support/answer.h"
 #include "tests/support/robot_film.h"
 

@@ -34,10 +34,10 @@ static void close_stage(struct stage *s)
 }
 
 // Into room.view.
-static void draw(struct stage *s, struct pose eye, int count, int most_uploads)
+static void draw(struct stage *s, struct pose eye, int count, int max_uploads)
 {
     const struct surround_picture *list[ROOM_PICTURES];
-    const struct surround_image image = {view_lens, eye, view_default_options(), true, most_uploads};
+    const struct surround_image image = {view_lens, eye, view_default_options(), true, max_uploads};
     const struct gpu_texture *texture;
     for (int i = 0; i < count; i++)
         list[i] = &s->room.pictures[i];

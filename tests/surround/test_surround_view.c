@@ -3,10 +3,10 @@
 // a wall, a pole thinner than a pixel, glass that gives no points.
 #include "tests/support/test.h"
 
-#include "tests/support/box_room.h"
 #include "surround/depth/depth_seeds.h"
 #include "surround/drive/simulated_rover.h"
 #include "surround/view/view_merge.h"
+#include "tests/support/box_room.h"
 
 #include <stdio.h>
 

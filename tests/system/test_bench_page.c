@@ -1,10 +1,11 @@
 // The page of reenact-bench: it needs nothing from elsewhere, and a real browser (Chromium) shows it in light and dark,
 // on a phone's width, and prints it. Without Chromium those are skipped.
+#include "tests/support/test.h"
+
 #include "platform/files/file.h"
 #include "platform/files/png.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <unistd.h>

@@ -6,9 +6,9 @@
 //     ms
 #include "tests/support/test.h"
 
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
+#include "recording/recording.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
 
@@ -76,7 +76,7 @@ static struct filming film_once(double seconds, const char *file, const char *be
     f.dropped = number_of(root, "dropped");
     f.handover_ms = number_of(root, "handover_ms");
     print_message("%.0f s, %s: %.0f frames, %.0f dropped, at most %.0f waited, slowest hand-over %.2f ms, %.1f MB/s\n",
-                  seconds, beside, f.frames, f.dropped, number_of(root, "waiting_most"), f.handover_ms,
+                  seconds, beside, f.frames, f.dropped, number_of(root, "waiting_max"), f.handover_ms,
                   number_of(root, "mb_per_s"));
     EXPECT_STATUS(recording_verify(file, &report), OK);
     EXPECT_NEAR((double)report.frames, f.frames, 0);

@@ -2,10 +2,10 @@
 // each kind of bad input.
 #include "tests/support/test.h"
 
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
+#include "recording/recording.h"
 #include "tests/support/answer.h"
 #include "tests/support/scratch.h"
 #include "tests/support/tag_picture.h"

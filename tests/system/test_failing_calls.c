@@ -9,9 +9,9 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
+#include "recording/recording.h"
 #include "tests/support/copy_file.h"
 #include "tests/support/process.h"
 #include "tests/support/recording_hash.h"

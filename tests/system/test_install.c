@@ -2,9 +2,9 @@
 // man pages and completion, which are made from the same help), and the package.
 #include "tests/support/test.h"
 
-#include "recording/recording.h"
 #include "platform/files/database.h"
 #include "platform/files/file.h"
+#include "recording/recording.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 

@@ -4,10 +4,10 @@
 // The sensor is live: OpenNI2 with the fake sensor's driver, 30 frames a second.
 #include "tests/support/test.h"
 
-#include "recording/recording.h"
 #include "base/clock.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
+#include "recording/recording.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 

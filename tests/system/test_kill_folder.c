@@ -4,10 +4,10 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
+#include "recording/recording.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 

@@ -1,14 +1,15 @@
 // reenact-capture objects and its serve, as a user runs them, on a made-up desk.
+#include "tests/support/test.h"
+
 #include "capture/calibration/stereo_rig.h"
 #include "objects/thing_knowledge.h"
-#include "recording/recorded_things.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "platform/files/png.h"
+#include "recording/recorded_things.h"
 #include "tests/support/desk.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 

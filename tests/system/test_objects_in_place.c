@@ -1,10 +1,11 @@
 // reenact-capture map --objects and objects --camera, as a user runs them: a poster of the rendered room is the known
 // thing, found while mapping by depth, and again by a tablet's camera in the mapped place.
-#include "recording/recorded_things.h"
+#include "tests/support/test.h"
+
 #include "platform/files/png.h"
+#include "recording/recorded_things.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -85,7 +86,7 @@ static struct recorded_thing read_poster(struct place *place)
 }
 
 // The thing's distance from every tag is the same in the place's axes and in the world's.
-static void check_place(const struct recorded_thing *found, const struct place *place, double most_m)
+static void check_place(const struct recorded_thing *found, const struct place *place, double max_m)
 {
     double worst = 0;
     int32_t count;
@@ -101,7 +102,7 @@ static void check_place(const struct recorded_thing *found, const struct place *
                   (int)found->sightings, 1e3 * sqrt(covariance3_trace(&found->covariance)), (int)place->tag_count,
                   1e3 * worst);
     EXPECT_AT_LEAST(place->tag_count, 3);
-    EXPECT_AT_MOST(worst, most_m);
+    EXPECT_AT_MOST(worst, max_m);
 }
 
 static void test_found_while_mapping(void **state)

@@ -3,14 +3,13 @@
 // arrive must be the folder's images, bit for bit, unmirrored, in order.
 #include "tests/support/test.h"
 
-#include "tests/openni_driver/keep_player.h"
-#include "tests/support/process.h"
-#include "tests/support/scratch.h"
-
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/png.h"
 #include "platform/sensors/source.h"
+#include "tests/openni_driver/keep_player.h"
+#include "tests/support/process.h"
+#include "tests/support/scratch.h"
 
 #include <dirent.h>
 #include <signal.h>

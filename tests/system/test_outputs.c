@@ -2,9 +2,9 @@
 // commands that look after a recording.
 #include "tests/support/test.h"
 
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/output.h"
+#include "recording/recording.h"
 #include "tests/support/answer.h"
 #include "tests/support/scratch.h"
 #include "tests/support/sql.h"

@@ -1,11 +1,12 @@
 // A camera's pictures are counted alike, and in the same words, by the commands that look for the camera in a place.
+#include "tests/support/test.h"
+
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/json.h"
 #include "platform/sensors/source.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,7 +2,6 @@
 // put into the file; anything else is answered with one sentence. No other file is touched, and who only reads leaves
 // all as it was.
 #include "tests/support/planted.h"
-
 #include "tests/support/process.h"
 
 #define CAPTURE PROGRAM_DIR "/reenact-capture"

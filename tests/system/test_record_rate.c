@@ -3,12 +3,12 @@
 //
 //     test_record_rate            three seconds
 //     test_record_rate SECONDS    so many: on two idle cores none should be dropped, and the preview at most two behind
-#include "app/studio/studio_session.h"
+#include "tests/support/test.h"
 
+#include "app/studio/studio_session.h"
 #include "base/clock.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 
@@ -55,7 +55,7 @@ static void test_thirty_frames_a_second(void **state)
     wait_until(session, &shown, 5, 0);
     studio_session_begin(session, "take");
     const int64_t until = clock_now_ns() + (int64_t)((wanted_s + 1) * 1e9);
-    double sum_s = 0, most_s = 0, late = 0, skeleton_s = 0;
+    double sum_s = 0, max_s = 0, late = 0, skeleton_s = 0;
     int64_t shown_ns = 0, longest_ns = 0;
     int64_t reads = 0;
     while (clock_now_ns() < until) {
@@ -66,7 +66,7 @@ static void test_thirty_frames_a_second(void **state)
             shown_ns = now_ns;
             skeleton_s += shown.counters.skeleton_behind_s;
             sum_s += behind_s;
-            most_s = fmax(most_s, behind_s);
+            max_s = fmax(max_s, behind_s);
             late += behind_s > 2 * FRAME_S;
             reads++;
         }
@@ -80,7 +80,7 @@ static void test_thirty_frames_a_second(void **state)
            "more than two in %.1f %% of %lld, the longest wait for a picture %.0f ms; skeleton by %.1f frames on "
            "average\n",
            wanted_s, (long long)shown.judgement.frames, (long long)counters.dropped, counters.mb_per_s,
-           sum_s / (double)reads / FRAME_S, most_s / FRAME_S, 100 * late / (double)reads, (long long)reads,
+           sum_s / (double)reads / FRAME_S, max_s / FRAME_S, 100 * late / (double)reads, (long long)reads,
            (double)longest_ns * 1e-6, skeleton_s / (double)reads / FRAME_S);
     studio_session_close(&session);
     studio_snapshot_free(&shown);

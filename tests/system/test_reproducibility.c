@@ -5,8 +5,8 @@
 // The solvers of other libraries differ in the ninth digit, which sensor_pose rounds away.
 #include "tests/support/test.h"
 
-#include "recording/depth_codec.h"
 #include "capture/sensor_pose.h"
+#include "recording/depth_codec.h"
 #include "reenact/retrieval/frame_selection.h"
 #include "tests/support/film.h"
 

@@ -16,7 +16,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { WIDTH = 1280, HEIGHT = 800, MOST_FRAMES = 200000, SLOWEST = 10, REFERENCE_EACH = 8 };
+enum { WIDTH = 1280, HEIGHT = 800, MAX_FRAMES = 200000, SLOWEST = 10, REFERENCE_EACH = 8 };
 
 // Duration of the test, seconds: some images must be drawn in every third of it.
 #ifdef EMULATED
@@ -192,7 +192,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
 {
     const struct viewer_options how = {
         .file = file, .camera = camera, .refresh_hz = 60, .fixed_resolution = !reference};
-    struct soak_run b = {.latencies = malloc(sizeof *b.latencies * MOST_FRAMES),
+    struct soak_run b = {.latencies = malloc(sizeof *b.latencies * MAX_FRAMES),
                          .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
     struct soak s = {0};
     assert_non_null(b.latencies);
@@ -220,7 +220,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
         if (!warm)
             continue;
         latency.at_s = (double)(now - began) * 1e-9;
-        if (b.count < MOST_FRAMES)
+        if (b.count < MAX_FRAMES)
             b.latencies[b.count++] = latency;
         measure_memory(&s, late);
         if (reference && s.frames % REFERENCE_EACH == 0)

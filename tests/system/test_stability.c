@@ -1,7 +1,8 @@
 // The hard cases: all answers are right, none is wrong in silence, each is judged wrong without its guard, and all are
 // the stored ones, whatever the compiler, its options and the processor.
-#include "tests/stability/stability.h"
 #include "tests/support/test.h"
+
+#include "tests/stability/stability.h"
 
 #include <stdio.h>
 

@@ -7,9 +7,9 @@
 
 #include "base/clock.h"
 #include "capture/recorder.h"
-#include "recording/recording.h"
 #include "platform/files/file.h"
 #include "platform/files/png.h"
+#include "recording/recording.h"
 #include "tests/support/display.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"

@@ -1,12 +1,13 @@
 // One verdict on a take in all mouths: what `record` says is kept in the file, `library`, its page, its JSON and `info`
 // say the same, also where it is not kept and the frames are judged again; it never outlives the frames that it was
 // made from; and it knows what the take is for.
+#include "tests/support/test.h"
+
 #include "capture/take_verdict.h"
 #include "platform/files/file.h"
 #include "tests/support/answer.h"
 #include "tests/support/film.h"
 #include "tests/support/sql.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>

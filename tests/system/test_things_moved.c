@@ -1,15 +1,15 @@
 // Things of a place over time, as a user keeps them: the rendered room is mapped with what stands in it, then one thing
 // is taken away and one moved, and it is swept again into the same file. What is gone is marked, what was moved is
 // where it is now, the rest stays; info says so.
+#include "tests/support/test.h"
+
+#include "platform/files/json.h"
+#include "platform/files/png.h"
+#include "recording/recorded_things.h"
 #include "tests/support/align.h"
 #include "tests/support/desk.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
-#include "tests/support/test.h"
-
-#include "recording/recorded_things.h"
-#include "platform/files/json.h"
-#include "platform/files/png.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -3,12 +3,13 @@
 //
 //     test_verdict        two short films
 //     test_verdict N      the first N of twenty, with the rank correlation; some seventeen seconds each
-#include "capture/coaching/coach.h"
+#include "tests/support/test.h"
+
 #include "base/clock.h"
+#include "capture/coaching/coach.h"
 #include "capture/recorder.h"
 #include "reenact/render/actor_renderer.h"
 #include "tests/support/film.h"
-#include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -26,7 +27,7 @@ static const struct film_case {
 };
 enum { FILMS = COUNT_OF(films), VIEWS = 12 };
 static const double SCALE = 0.375, RATE_HZ = 22, VIEW_SCALE = 0.25;
-static double most_s = 1.5; // of a film
+static double max_s = 1.5; // of a film
 
 struct outcome {
     bool good;
@@ -174,7 +175,7 @@ static void judge_film(const struct film_case *film, struct gpu *gpu, struct out
     o.plain = true;
     EXPECT_TRUE(world_figure_named(film->figure, &o.figure));
     EXPECT_STATUS(world_open(&world, &o), OK);
-    const double seconds = fmin(film->share * fmax(world_seconds(world), 2), most_s);
+    const double seconds = fmin(film->share * fmax(world_seconds(world), 2), max_s);
     const int64_t begun_ns = clock_cpu_ns();
     record_film(world, &scratch, seconds, &coach);
     const double filmed_s = (double)(clock_cpu_ns() - begun_ns) * 1e-9;
@@ -253,7 +254,7 @@ int main(int argc, char **argv)
 {
     if (argc > 1) {
         wanted = atoi(argv[1]);
-        most_s = 7;
+        max_s = 7;
     }
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_verdict_and_picture)};
     return cmocka_run_group_tests(tests, NULL, NULL);

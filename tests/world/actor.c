@@ -1,8 +1,8 @@
 #include "tests/world/actor.h"
 
 #include "base/threads.h"
-#include "tests/world/shadow.h"
 #include "tests/world/numbers.h"
+#include "tests/world/shadow.h"
 
 #include <stdlib.h>
 #include <string.h>

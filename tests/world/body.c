@@ -1,4 +1,5 @@
 #include "tests/world/body.h"
+
 #include "tests/world/numbers.h"
 
 #include <string.h>

@@ -2,9 +2,9 @@
 // left and right all differ, so that an image shows which is which. Shapes and colours are chosen by hand.
 #include "tests/world/figure.h"
 #include "tests/world/glyphs.h"
-#include "tests/world/texture.h"
 #include "tests/world/numbers.h"
 #include "tests/world/rgb.h"
+#include "tests/world/texture.h"
 
 #include <string.h>
 

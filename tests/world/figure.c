@@ -1,4 +1,5 @@
 #include "tests/world/figure.h"
+
 #include "tests/world/numbers.h"
 
 #include <stdlib.h>

@@ -1,4 +1,5 @@
 #include "tests/world/glyphs.h"
+
 #include "tests/world/numbers.h"
 
 #include <math.h>

@@ -1,4 +1,5 @@
 #include "tests/world/mesh.h"
+
 #include "tests/world/numbers.h"
 
 #include <stdlib.h>

@@ -1,9 +1,9 @@
 #include "tests/world/motion.h"
 
 #include "tests/world/keys.h"
-#include "tests/world/world.h"
-#include "tests/world/retarget.h"
 #include "tests/world/numbers.h"
+#include "tests/world/retarget.h"
+#include "tests/world/world.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 // Noise models of a depth sensor and of a colour camera, applied to rendered images.
+#include "tests/world/numbers.h"
 #include "tests/world/texture.h"
 #include "tests/world/world.h"
-#include "tests/world/numbers.h"
 
 #include <math.h>
 #include <stdlib.h>

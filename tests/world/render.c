@@ -1,5 +1,5 @@
-#include "tests/world/actor.h"
 #include "base/threads.h"
+#include "tests/world/actor.h"
 #include "tests/world/numbers.h"
 
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 #include "tests/world/scene.h"
 
+#include "tests/world/numbers.h"
 #include "tests/world/paint.h"
 #include "tests/world/tag_bitmap.h"
-#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>

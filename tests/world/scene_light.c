@@ -1,7 +1,7 @@
 // Light on the empty room: two area lamps with soft shadows of the furniture, and an ambient term reduced in corners
 // and near furniture.
-#include "tests/world/scene.h"
 #include "tests/world/numbers.h"
+#include "tests/world/scene.h"
 
 #include <stdlib.h>
 

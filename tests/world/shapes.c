@@ -1,7 +1,7 @@
 #include "tests/world/shapes.h"
 
-#include "tests/world/texture.h"
 #include "tests/world/numbers.h"
+#include "tests/world/texture.h"
 
 #include <string.h>
 

@@ -1,11 +1,12 @@
 #include "tests/world/texture.h"
 
-#include "tests/world/srgb.inl"
 #include "tests/world/numbers.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "tests/world/srgb.inl"
 
 float srgb_to_linear(uint8_t value) { return level_linear[value]; }
 

@@ -1,5 +1,5 @@
-#include "tests/world/world_internal.h"
 #include "tests/world/numbers.h"
+#include "tests/world/world_internal.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,12 +1,11 @@
 // film-world: renders the small world into folders, as a sensor and a tablet's camera would have recorded it, with the
 // truth beside them.
-#include "tests/world/film/film_options.h"
-
 #include "app/commands/command.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/json.h"
 #include "platform/files/png.h"
+#include "tests/world/film/film_options.h"
 
 #include <stdarg.h>
 #include <stdio.h>
