@@ -328,7 +328,9 @@ static int waiting_frames(const struct calibration *calibration, int max)
     const size_t bytes = 4 * lens_pixels(&calibration->color) + 3 * lens_pixels(&calibration->depth) +
                          1; // with the JPEG, at most a byte a pixel
     const size_t fit = WAITING_BYTES_MAX / bytes;
-    return fit < WAITING_MIN ? WAITING_MIN : fit < (size_t)max ? (int)fit : max;
+    if (fit < WAITING_MIN)
+        return WAITING_MIN;
+    return fit < (size_t)max ? (int)fit : max;
 }
 
 // Waits until so little film is on its way that a kill would cost less than a second. The first frames are held back

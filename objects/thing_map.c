@@ -85,10 +85,10 @@ void thing_list_free(struct thing_list *list)
 // ---------------------------------------------------------------- thing update
 
 // A picture or model; what there was stays where the server does not give another.
-static void ask_content(const char *url, const struct http_limits *how, struct thing_content *content,
+static void ask_content(const char *url, const struct http_limits *options, struct thing_content *content,
                         struct thing_update *out)
 {
-    struct http_limits limits = *how;
+    struct http_limits limits = *options;
     struct http_answer answer;
     limits.most_bytes = THING_CONTENT_MAX;
     if (!url[0])

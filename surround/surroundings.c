@@ -302,28 +302,28 @@ enum { DEPTH_STEP = 2 };
 
 struct surroundings_options surroundings_default_options(enum surroundings_kind kind)
 {
-    struct surroundings_options how = {.surface_m = 0.02,
-                                       .depth = depth_default_options(),
-                                       .view = view_default_options(),
-                                       .photo = true,
-                                       .redo_m = 5,
-                                       .max_pictures = 16,
-                                       .threads = 2};
-    how.depth.sky = kind == SURROUNDINGS_VEHICLE;
+    struct surroundings_options options = {.surface_m = 0.02,
+                                           .depth = depth_default_options(),
+                                           .view = view_default_options(),
+                                           .photo = true,
+                                           .redo_m = 5,
+                                           .max_pictures = 16,
+                                           .threads = 2};
+    options.depth.sky = kind == SURROUNDINGS_VEHICLE;
     if (kind == SURROUNDINGS_FILMED) {
-        how.surface_m = 0.01;
-        how.depth.upright = false; // what was not filmed stays plain
-        how.depth.reach = 8;
-        how.depth.farthest_m = 12;
-        how.view.geometry_pictures = 8;
+        options.surface_m = 0.01;
+        options.depth.upright = false; // what was not filmed stays plain
+        options.depth.reach = 8;
+        options.depth.farthest_m = 12;
+        options.view.geometry_pictures = 8;
     }
     if (kind == SURROUNDINGS_ROBOT) {
-        how.depth.farthest_m = 30;
-        how.depth.walls = true;
-        how.depth.sparse = false; // depth cameras see a post whole
-        how.view.geometry_pictures = SURROUND_MAX_LAYERS;
+        options.depth.farthest_m = 30;
+        options.depth.walls = true;
+        options.depth.sparse = false; // depth cameras see a post whole
+        options.view.geometry_pictures = SURROUND_MAX_LAYERS;
     }
-    return how;
+    return options;
 }
 
 static int64_t clock_now(const struct surroundings *surroundings)
@@ -332,11 +332,11 @@ static int64_t clock_now(const struct surroundings *surroundings)
 }
 
 static enum status open_parts(struct surroundings *surroundings, const struct lens *view,
-                              const struct surroundings_options *how)
+                              const struct surroundings_options *options)
 {
-    surroundings->how = *how;
+    surroundings->options = *options;
     surroundings->photo.body_from_picture = surroundings->body_from_panorama;
-    enum status status = depth_alignment_open(&surroundings->alignment, surroundings->how.surface_m);
+    enum status status = depth_alignment_open(&surroundings->alignment, surroundings->options.surface_m);
     if (status == OK)
         status = surround_view_open(&surroundings->view, view);
     if (status != OK)
@@ -478,7 +478,7 @@ static enum status keep_picture(struct surroundings *surroundings, struct surrou
     for (int k = 0; k < surroundings->taken - 1; k++) {
         const double apart =
             v3_distance(surroundings->pictures[k].world_from_camera.translation, world_from_camera.translation);
-        if (surroundings->kind != SURROUNDINGS_VEHICLE && apart < surroundings->how.redo_m)
+        if (surroundings->kind != SURROUNDINGS_VEHICLE && apart < surroundings->options.redo_m)
             surroundings->stale[k] = true;
     }
     return OK;
@@ -531,7 +531,7 @@ enum status surroundings_take(struct surroundings *s, struct surround_picture *p
         return hand_over(s, picture, points, odometry);
     int64_t (*const clock)(void) = s->processor_clock;
     const int64_t before = clock ? clock() : 0;
-    const enum status status = s->how.photo
+    const enum status status = s->options.photo
                                    ? photo_alignment_add(&s->photo, &s->alignment, picture, points, odometry, &pose)
                                    : depth_alignment_add(&s->alignment, points, odometry, &pose);
     if (status < OK) {
@@ -585,7 +585,7 @@ struct depth_work {
 static void make_depth(void *context, int i)
 {
     struct depth_work *w = context;
-    const enum status status = dense_depth_make(&w->s->pictures[w->pictures[i]], &w->points, &w->s->how.depth);
+    const enum status status = dense_depth_make(&w->s->pictures[w->pictures[i]], &w->points, &w->s->options.depth);
     failure_keep(&w->failures[i], status);
 }
 
@@ -614,7 +614,7 @@ static enum status make_depths(struct surroundings *surroundings, const struct s
     }
     const int64_t before = clock_now(surroundings);
     if (status == OK)
-        parallel_for(surroundings->how.threads, n, make_depth, &w);
+        parallel_for(surroundings->options.threads, n, make_depth, &w);
     surroundings->depth_ns += clock_now(surroundings) - before;
     surroundings->depths_made += n;
     for (int i = 0; status == OK && i < n; i++) {
@@ -646,7 +646,7 @@ enum status surroundings_start_threads(struct surroundings *s)
     }
     if (status != OK)
         return status;
-    return capture_thread_open(&s->thread, &s->alignment, &s->photo, &s->how.depth, s->processor_clock);
+    return capture_thread_open(&s->thread, &s->alignment, &s->photo, &s->options.depth, s->processor_clock);
 }
 
 // The depth of the placed picture that is nearest to the newest among the stale ones, made again.
@@ -744,7 +744,7 @@ enum status surroundings_prepare(struct surroundings *s, struct pose world_from_
             s->nearest[usable++] = &s->pictures[i];
     if (status == OK)
         status = surround_view_rank(world_from_view, s->nearest, usable);
-    *count = usable < s->how.max_pictures ? usable : s->how.max_pictures;
+    *count = usable < s->options.max_pictures ? usable : s->options.max_pictures;
     *pictures = s->nearest;
     if (status == OK && !s->thread)
         status = make_depths(s, s->nearest, *count);
@@ -764,7 +764,7 @@ enum status surroundings_draw(struct surroundings *s, struct pose world_from_vie
     if (status == OK && s->plain)
         surround_view_splat(&s->view, world_from_view, pictures, count);
     else if (status == OK)
-        status = surround_view_draw(&s->view, world_from_view, pictures, count, &s->how.view);
+        status = surround_view_draw(&s->view, world_from_view, pictures, count, &s->options.view);
     s->draw_ns += clock_now(s) - before;
     s->drawn++;
     return status;

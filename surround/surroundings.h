@@ -82,7 +82,7 @@ struct surroundings {
     struct surround_set set; // of a folder; empty when live
     enum surroundings_kind kind;
     struct pose body_from_panorama;
-    struct surroundings_options how;
+    struct surroundings_options options;
     struct depth_alignment alignment;  // with threads: theirs alone
     struct photo_refinement photo;     // likewise
     struct surround_picture *pictures; // one for each capture taken
@@ -113,11 +113,11 @@ struct surroundings {
 
 // Of a folder. how NULL: the default. ERR_…: as surround_set_read.
 MUST_CHECK enum status surroundings_open(struct surroundings *s, const char *folder,
-                                         const struct surroundings_options *how);
+                                         const struct surroundings_options *options);
 // Of a robot or a filmed room whose captures are given one by one. ERR_MEMORY.
 MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surroundings_kind kind,
                                               const struct lens *view, struct pose body_from_panorama,
-                                              const struct surroundings_options *how);
+                                              const struct surroundings_options *options);
 void surroundings_close(struct surroundings *surroundings); // what was zeroed, too
 // Where a robot's panoramas are taken from, where that was not known when it was opened; before the first capture.
 void surroundings_place_panorama(struct surroundings *surroundings, struct pose body_from_panorama);

@@ -281,7 +281,7 @@ struct drive_arguments {
     int size[2];
     double dpi;
     double seconds, every_s;
-    struct drive_options how;
+    struct drive_options options;
 };
 
 enum {
@@ -328,7 +328,7 @@ static void refuse_contradictions(const struct argp_state *state, const struct d
 {
     if (arguments->out && (arguments->camera || arguments->map))
         argp_error(state, "--camera and --map go with the window, not with --out");
-    if ((arguments->how.calibration || arguments->remaps) && strncmp(arguments->uri, "ros:", 4))
+    if ((arguments->options.calibration || arguments->remaps) && strncmp(arguments->uri, "ros:", 4))
         argp_error(state, "--calibration and --remap go with ros:");
 }
 
@@ -336,13 +336,13 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct drive_arguments *a = state->input;
     switch (key) {
-    case KEY_DELAY: a->how.link.delay_s = command_parse_number(state, "--delay", value, 0, 60); return 0;
-    case KEY_LOSS: a->how.link.loss = command_parse_number(state, "--loss", value, 0, 1); return 0;
+    case KEY_DELAY: a->options.link.delay_s = command_parse_number(state, "--delay", value, 0, 60); return 0;
+    case KEY_LOSS: a->options.link.loss = command_parse_number(state, "--loss", value, 0, 1); return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_EVERY: a->every_s = command_parse_number(state, "--every", value, 0.01, 1e4); return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.01, 1e6); return 0;
     case KEY_JSON: a->json = true; return 0;
-    case KEY_CALIBRATION: a->how.calibration = value; return 0;
+    case KEY_CALIBRATION: a->options.calibration = value; return 0;
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_MAP: a->map = true; return 0;
     case KEY_KEEP: a->keep = true; return 0;
@@ -450,7 +450,7 @@ static enum status keep_drive(const struct drive_session *session, const struct 
 
 int reenact_drive(int argc, char **argv)
 {
-    struct drive_arguments arguments = {.every_s = 1, .size = {1280, 800}, .how = drive_default_options()};
+    struct drive_arguments arguments = {.every_s = 1, .size = {1280, 800}, .options = drive_default_options()};
     static const struct argp argp = {
         options,
         parse_option,
@@ -471,8 +471,8 @@ int reenact_drive(int argc, char **argv)
     command_catch_signals();
     struct drive_session session;
     struct place place = {0};
-    arguments.how.remap = arguments.remap;
-    arguments.how.threads = !arguments.out || !strncmp(arguments.uri, "ros:", 4);
+    arguments.options.remap = arguments.remap;
+    arguments.options.threads = !arguments.out || !strncmp(arguments.uri, "ros:", 4);
     enum status status = arguments.keep ? recording_check_change(arguments.file) : OK;
     if (status == OK && arguments.file)
         status = place_input_read_map(arguments.file, &place);
@@ -480,7 +480,7 @@ int reenact_drive(int argc, char **argv)
         status = fail(ERR_INPUT, "%s holds no place to localise %s in", arguments.file,
                       arguments.camera ? "the camera" : "the robot");
     if (status == OK)
-        status = drive_session_open(&session, arguments.uri, &arguments.how);
+        status = drive_session_open(&session, arguments.uri, &arguments.options);
     if (status == OK) {
         const struct drive_window_options window = {.seconds = arguments.seconds,
                                                     .camera = arguments.camera,

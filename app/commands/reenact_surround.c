@@ -188,7 +188,7 @@ static enum status write_stats(const struct surround_arguments *arguments, const
     json_add_number(root, "depths_made", surroundings->depths_made);
     json_add_number(root, "draw_ms",
                     surroundings->drawn ? (double)surroundings->draw_ns * 1e-6 / surroundings->drawn : 0);
-    json_add_number(root, "threads", surroundings->how.threads);
+    json_add_number(root, "threads", surroundings->options.threads);
     char *text = json_print(root);
     json_free(&root);
     if (!text)
@@ -225,7 +225,7 @@ int reenact_surround(int argc, char **argv)
     s.clock = clock_now_ns;
     s.processor_clock = clock_cpu_ns;
     s.plain = arguments.plain;
-    s.how.view.depth_test = !arguments.no_depth_test;
+    s.options.view.depth_test = !arguments.no_depth_test;
     status = folder_make(arguments.out);
     if (status == OK)
         status = draw_views(&arguments, &s);

@@ -341,16 +341,16 @@ static enum status open_sensor(struct live_sensor *sensor)
     sensor->without_color = 0;
     if (status != OK)
         return status;
-    const struct live_tracker_options how = {.calibration = source_calibration(sensor->player.source),
-                                             .place = sensor->options.place,
-                                             .reference = sensor->options.reference,
-                                             .mirrored = sensor->options.mirrored,
-                                             .finds_points = !sensor->options.no_body_points};
+    const struct live_tracker_options options = {.calibration = source_calibration(sensor->player.source),
+                                                 .place = sensor->options.place,
+                                                 .reference = sensor->options.reference,
+                                                 .mirrored = sensor->options.mirrored,
+                                                 .finds_points = !sensor->options.no_body_points};
     pthread_mutex_lock(&sensor->player.worker.lock);
     sensor->state.film = sensor->player.film;
     pthread_mutex_unlock(&sensor->player.worker.lock);
     sensor->first = sensor->at_start = true;
-    return live_tracker_open(&sensor->tracker, &how);
+    return live_tracker_open(&sensor->tracker, &options);
 }
 
 // Until the sensor fails or ends (ERR_DEVICE), or the thread must stop.

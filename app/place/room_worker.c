@@ -216,7 +216,7 @@ enum status filmed_layer_draw(struct filmed_layer *f, struct solid_renderer *r, 
 
 struct room_views {
     struct surround_renderer *renderer;
-    struct view_options how;
+    struct view_options options;
     struct surround_picture pictures[ROOM_DEPTHS]; // taken from the worker; without inverse: none
     int64_t number;                                // of the worker's gains
     const struct gpu_texture *texture;             // the last image; NULL: none
@@ -229,7 +229,7 @@ enum status room_views_open(struct room_views **out, struct gpu *gpu)
     struct room_views *v = *out = calloc(1, sizeof *v);
     if (!v)
         return fail(ERR_MEMORY, "no memory for the filmed room");
-    v->how = surroundings_default_options(SURROUNDINGS_FILMED).view;
+    v->options = surroundings_default_options(SURROUNDINGS_FILMED).view;
     const enum status status = surround_renderer_open(&v->renderer, gpu);
     if (status != OK)
         room_views_close(out);
@@ -271,7 +271,7 @@ enum status room_views_draw(struct room_views *v, struct room_worker *worker, co
                             struct pose world_from_camera, const struct gpu_texture **out)
 {
     const struct surround_picture *list[ROOM_DEPTHS];
-    const struct surround_image image = {*lens, world_from_camera, v->how, false, 1};
+    const struct surround_image image = {*lens, world_from_camera, v->options, false, 1};
     int count = 0;
     const bool fresh = take_pictures(v, worker);
     *out = v->texture;
@@ -410,7 +410,7 @@ static enum status draw_step(struct room_worker *worker, const struct lens *want
     enum status status = OK;
     if (!lens_equal(&lens, &worker->room.view.lens) || !worker->room.view.rgb)
         status = filmed_room_set_lens(&worker->room, &lens);
-    worker->room.how.max_pictures = max;
+    worker->room.options.max_pictures = max;
     if (status == OK)
         status = surroundings_draw(&worker->room, pose);
     if (status == OK)
@@ -488,7 +488,7 @@ static enum status hand_step(struct room_worker *worker, struct pose pose, int m
 {
     const struct surround_picture *const *list;
     int count;
-    worker->room.how.max_pictures = max;
+    worker->room.options.max_pictures = max;
     enum status status = surroundings_prepare(&worker->room, pose, &list, &count);
     for (int i = 0; i < count && status == OK; i++)
         if (!is_held(worker, list[i]))
@@ -580,7 +580,7 @@ static enum status draw_room(struct room_worker *worker, const struct lens *lens
 
 static enum status prepare_room(struct room_worker *worker)
 {
-    struct surroundings_options how = surroundings_default_options(SURROUNDINGS_FILMED);
+    struct surroundings_options options = surroundings_default_options(SURROUNDINGS_FILMED);
     const struct lens small = {.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 7.5, .cy = 7.5};
     struct recording *recording = NULL;
     struct place place = {0};
@@ -595,10 +595,10 @@ static enum status prepare_room(struct room_worker *worker)
     worker->has_mesh = has_mesh;
     pthread_mutex_unlock(&worker->worker.lock);
     notify_owner(worker);
-    how.surface_m = SURFACE_M;
-    how.threads = 1;
+    options.surface_m = SURFACE_M;
+    options.threads = 1;
     int views = status == OK ? filmed_room_views(&place) : 0;
-    if (views && goes_on(worker) && filmed_room_open(&worker->room, &place, &small, &how) != OK)
+    if (views && goes_on(worker) && filmed_room_open(&worker->room, &place, &small, &options) != OK)
         views = 0;
     place_free(&place);
     pthread_mutex_lock(&worker->worker.lock);

@@ -176,11 +176,10 @@ static void tags_text(const struct sweep_plan *plan, char *out, size_t capacity)
 static void draw_hint(const struct brush *brush, const struct sweep_plan *plan, struct ui_box picture)
 {
     const bool warns = plan->hint == SWEEP_SLOWER || plan->hint == SWEEP_LOST;
-    studio_hint_draw(brush,
-                     warns                        ? ICON_WARNING
-                     : plan->hint == SWEEP_ENOUGH ? ICON_CHECK
-                                                  : ICON_TAG,
-                     warns, plan->text, picture);
+    enum icon icon = plan->hint == SWEEP_ENOUGH ? ICON_CHECK : ICON_TAG;
+    if (warns)
+        icon = ICON_WARNING;
+    studio_hint_draw(brush, icon, warns, plan->text, picture);
 }
 
 static void draw_sweep(const struct brush *brush, struct studio_state *state, const struct studio_view *view,
@@ -228,7 +227,8 @@ static void draw_lines(const struct brush *brush, const struct studio_room_view 
     struct ui_box in = inner(box, 20), head = cut_top(&in, 44);
     icon_draw(brush->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
               good ? brush->theme->accent : brush->theme->warn);
-    label(brush, FACE_HEAD, head, brush->theme->text, failed ? "No map" : good ? "A good map" : "A map, with gaps");
+    const char *made = good ? "A good map" : "A map, with gaps";
+    label(brush, FACE_HEAD, head, brush->theme->text, failed ? "No map" : made);
     const char *lines[MAP_ADVICE_LINES + 3];
     int count = 0;
     snprintf(text, sizeof text, "A camera finds its way before %.0f %% of what stands in the room",

@@ -108,36 +108,36 @@ void studio_close(struct studio *studio)
 
 static void open_sensor(struct studio *studio, int64_t now_ns)
 {
-    const struct studio_session_options how = {.sensor = studio->devices[studio->state.sensor].uri,
-                                               .file = studio->options.file,
-                                               .tags = studio->options.tags,
-                                               .wake = studio->options.wake,
-                                               .wake_self = studio->options.wake_self,
-                                               .body_points = studio->options.body_points,
-                                               .purpose = (enum verdict_purpose)studio->state.purpose};
+    const struct studio_session_options options = {.sensor = studio->devices[studio->state.sensor].uri,
+                                                   .file = studio->options.file,
+                                                   .tags = studio->options.tags,
+                                                   .wake = studio->options.wake,
+                                                   .wake_self = studio->options.wake_self,
+                                                   .body_points = studio->options.body_points,
+                                                   .purpose = (enum verdict_purpose)studio->state.purpose};
     studio_session_close(&studio->session);
     studio_snapshot_free(&studio->shown);
     studio->gestures = studio->takes_ready = studio->rooms_ready = studio->rooms_not_kept = 0;
-    if (studio_session_open(&studio->session, &how) != OK)
+    if (studio_session_open(&studio->session, &options) != OK)
         studio_fail(&studio->state, status_message(), now_ns);
 }
 
 // The viewer has a ui of its own, and there is one in a process.
 static enum status open_playback(struct studio *studio, int64_t now_ns)
 {
-    const struct viewer_options how = {.file = studio->options.file,
-                                       .take = studio->state.take,
-                                       .offer_trim = true,
-                                       .light = !studio->state.dark,
-                                       .settings = studio->options.settings,
-                                       .text_size = studio->state.text_size,
-                                       .refresh_hz = studio->options.refresh_hz,
-                                       .wake = studio->options.wake,
-                                       .wake_self = studio->options.wake_self};
+    const struct viewer_options options = {.file = studio->options.file,
+                                           .take = studio->state.take,
+                                           .offer_trim = true,
+                                           .light = !studio->state.dark,
+                                           .settings = studio->options.settings,
+                                           .text_size = studio->state.text_size,
+                                           .refresh_hz = studio->options.refresh_hz,
+                                           .wake = studio->options.wake,
+                                           .wake_self = studio->options.wake_self};
     ui_close(&studio->ui);
     studio->playing = true;
     studio->input.shows = false; // behind it comes a new picture
-    enum status status = viewer_open(&studio->viewer, studio->gpu, &how);
+    enum status status = viewer_open(&studio->viewer, studio->gpu, &options);
     if (status == OK)
         return OK;
     studio_do(&studio->state, STUDIO_BACK, now_ns);

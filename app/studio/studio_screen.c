@@ -106,9 +106,9 @@ static void place_text(const struct studio_snapshot *shown, char text[LINE_BYTES
 
 static void draw_hint(const struct brush *brush, const struct studio_snapshot *shown, struct ui_box picture)
 {
-    const enum icon icon = shown->fault                                         ? ICON_WARNING
-                           : shown->advice == ADVICE_ENOUGH && shown->share > 0 ? ICON_CHECK
-                                                                                : ICON_BONES;
+    enum icon icon = shown->advice == ADVICE_ENOUGH && shown->share > 0 ? ICON_CHECK : ICON_BONES;
+    if (shown->fault)
+        icon = ICON_WARNING;
     studio_hint_draw(brush, icon, shown->fault, shown->text, picture);
 }
 
@@ -194,12 +194,16 @@ static void fill_foot(struct live_foot *foot, const struct brush *brush, const s
     const bool waits = state->page == STUDIO_FINISHING || state->page == STUDIO_OPENING;
     counters_text(view->shown, foot->line[0]);
     place_text(view->shown, foot->line[1]);
-    snprintf(foot->line[2], LINE_BYTES, "%s",
-             state->page == STUDIO_RECORDING ? "Raise a hand above your head to stop"
-             : state->in_a_row ? "Raise a hand above your head to start; takes are kept one after the other"
-                               : "Raise a hand above your head to start");
+    const char *gesture = "Raise a hand above your head to start";
+    if (state->page == STUDIO_RECORDING)
+        gesture = "Raise a hand above your head to stop";
+    else if (state->in_a_row)
+        gesture = "Raise a hand above your head to start; takes are kept one after the other";
+    snprintf(foot->line[2], LINE_BYTES, "%s", gesture);
     foot->color[0] = view->shown->counters.dropped ? t->warn : t->quiet;
-    foot->color[1] = !place ? t->quiet : view->shown->located ? t->text : t->warn;
+    foot->color[1] = view->shown->located ? t->text : t->warn;
+    if (!place)
+        foot->color[1] = t->quiet;
     foot->color[2] = t->quiet;
     if (state->page == STUDIO_RECORDING)
         foot->controls[foot->control_count++] = (struct control){

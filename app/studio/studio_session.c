@@ -444,9 +444,9 @@ static enum status run_sweep(struct studio_session *session)
     if (status != OK)
         return status;
     char found[1024];
-    const char *tags = *session->tags                                         ? session->tags
-                       : studio_find_tags(session->file, found, sizeof found) ? found
-                                                                              : NULL;
+    const char *tags = session->tags;
+    if (!*tags)
+        tags = studio_find_tags(session->file, found, sizeof found) ? found : NULL;
     const struct studio_sweep_wish wish = {.source = session->player.source,
                                            .tags = tags,
                                            .prior = session->has_place ? &session->place : NULL,

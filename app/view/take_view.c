@@ -316,11 +316,11 @@ static enum status ensure_renderer(struct take_view *view, const struct lens *le
 {
     enum status status = OK;
     if (!view->renderer) {
-        struct renderer_options how = renderer_default_options();
-        how.skeletons = view->skeletons;
-        how.detail = DETAIL_AUTO;
-        how.sources = how.shadow = how.avatar_later = true;
-        status = renderer_open(&view->renderer, view->gpu, view->take, lens, &how);
+        struct renderer_options options = renderer_default_options();
+        options.skeletons = view->skeletons;
+        options.detail = DETAIL_AUTO;
+        options.sources = options.shadow = options.avatar_later = true;
+        status = renderer_open(&view->renderer, view->gpu, view->take, lens, &options);
         if (status == OK && view->builder) {
             avatar_builder_await_kept(view->builder, KEPT_NS);
             status = take_view_adopt_avatar(view);
@@ -445,13 +445,13 @@ static enum status use_prefetched(struct take_view *view, const struct take_view
                                   int64_t within_ns)
 {
     const struct avatar *avatar = renderer_avatar(view->renderer);
-    const struct frame_prefetch_options how = {view->path, view->take, view->skeletons, avatar};
+    const struct frame_prefetch_options options = {view->path, view->take, view->skeletons, avatar};
     struct frame_layer loaded;
     enum status status = OK;
     if (!avatar)
         return OK;
     if (!view->prefetch)
-        status = prefetch_start(&view->prefetch, &how);
+        status = prefetch_start(&view->prefetch, &options);
     while (status == OK && prefetch_take_any(view->prefetch, &loaded))
         status = renderer_add_frame(view->renderer, &loaded);
     if (status != OK)

@@ -127,8 +127,9 @@ static void open_take(struct viewer *viewer, int64_t now_ns)
     const char *name = viewer->takes.cards[viewer->state.take].name;
     take_view_close(&viewer->take_view);
     viewer->has_image = false;
-    const struct take_view_options how = {viewer->options.file, name, viewer->options.wake, viewer->options.wake_self};
-    enum status status = take_view_open(&viewer->take_view, viewer->gpu, &how);
+    const struct take_view_options options = {viewer->options.file, name, viewer->options.wake,
+                                              viewer->options.wake_self};
+    enum status status = take_view_open(&viewer->take_view, viewer->gpu, &options);
     if (status == OK && viewer->options.sensor)
         status = viewer_live_open_take(viewer, name);
     if (status != OK) {

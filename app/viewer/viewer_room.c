@@ -139,13 +139,13 @@ void viewer_room_close(struct viewer *viewer)
 
 static enum status start_worker(struct viewer *viewer)
 {
-    struct room_worker_options how = {viewer->options.file, viewer->options.wake, viewer->options.wake_self, false};
+    struct room_worker_options options = {viewer->options.file, viewer->options.wake, viewer->options.wake_self, false};
     if (viewer->room.worker || !viewer->has_place)
         return OK;
     const enum room_drawing by = viewer->options.room_drawing;
     if (by == ROOM_DRAWN_BY_CARD || (by == ROOM_DRAWN_AS_FITS && !gpu_is_software(viewer->gpu)))
-        how.hand_over = room_views_open(&viewer->room.views, viewer->gpu) == OK;
-    return room_worker_start(&viewer->room.worker, &how);
+        options.hand_over = room_views_open(&viewer->room.views, viewer->gpu) == OK;
+    return room_worker_start(&viewer->room.worker, &options);
 }
 
 static enum status take_mesh(struct viewer *viewer)

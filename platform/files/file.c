@@ -106,7 +106,9 @@ const char *file_kind_of(const uint8_t *bytes, size_t count, uint64_t total)
         return NULL;
     if (is_zero(bytes, count))
         return "nothing but zeros where it begins, as after a power cut or a copy that broke off";
-    return is_text(bytes, count) ? bytes[0] == '{' || bytes[0] == '[' ? "JSON text" : "a text file" : NULL;
+    if (!is_text(bytes, count))
+        return NULL;
+    return bytes[0] == '{' || bytes[0] == '[' ? "JSON text" : "a text file";
 }
 
 const char *file_kind(const char *path)
@@ -444,7 +446,9 @@ static int64_t bytes_to_largest(const char *path)
         largest = FAT_LARGEST;
     if (!getrlimit(RLIMIT_FSIZE, &limit) && limit.rlim_cur != RLIM_INFINITY && limit.rlim_cur < (uint64_t)largest)
         largest = (int64_t)limit.rlim_cur;
-    return largest == INT64_MAX ? INT64_MAX : about.st_size < largest ? largest - about.st_size : 0;
+    if (largest == INT64_MAX)
+        return INT64_MAX;
+    return about.st_size < largest ? largest - about.st_size : 0;
 }
 
 int64_t file_room_bytes(const char *path)

@@ -1,6 +1,7 @@
 // Costs of frames for the whole body and for parts; their bounds for the pose index.
 #include "reenact/retrieval/frame_selection.h"
 
+#include "base/clamp.h"
 #include "reenact/retrieval/pose_index.h"
 
 #include <stdlib.h>
@@ -80,9 +81,9 @@ static bool occludes(struct vec3 p, struct vec3 a, struct vec3 b, double radius)
         return false;
     for (int i = 0; i < 8; i++) {
         t = v3_dot(v3_sub(v3_scale(p, s), a), ab) / bb;
-        t = t < 0 ? 0 : t > 1 ? 1 : t;
+        t = clamp_double(t, 0, 1);
         s = v3_dot(v3_mix(a, b, t), p) / pp;
-        s = s < 0 ? 0 : s > 1 ? 1 : s;
+        s = clamp_double(s, 0, 1);
     }
     return s < 1 && v3_distance(v3_scale(p, s), v3_mix(a, b, t)) < radius;
 }

@@ -457,7 +457,7 @@ void search_grid_finish(struct search_grid *grid)
 
 struct search {
     const struct search_grid *grid;
-    const struct search_options *how;
+    const struct search_options *options;
     int count;
     int32_t (*cells)[2];         // of each turn's turned points, turn-major
     int64_t per_shift, per_turn; // cost of a squared step, 2^-16 points
@@ -471,13 +471,13 @@ static int64_t cost_of(const struct search *search, int turn, int64_t x, int64_t
 
 static enum status start_search(struct search *search, const double (*points)[2], const double guess[3])
 {
-    const struct search_options *how = search->how;
-    const int turns = 2 * how->turns + 1;
+    const struct search_options *options = search->options;
+    const int turns = 2 * options->turns + 1;
     search->cells = malloc(((size_t)turns * (size_t)search->count + 1) * sizeof *search->cells);
     if (!search->cells)
         return fail(ERR_MEMORY, "no memory for aligning captures");
     for (int t = 0; t < turns; t++) {
-        const double angle = guess[2] + (t - how->turns) * SEARCH_TURN_STEP;
+        const double angle = guess[2] + (t - options->turns) * SEARCH_TURN_STEP;
         const double c = portable_cos(angle), n = portable_sin(angle);
         int32_t(*out)[2] = search->cells + (size_t)t * (size_t)search->count;
         for (int i = 0; i < search->count; i++) {
@@ -488,8 +488,8 @@ static enum status start_search(struct search *search, const double (*points)[2]
         }
     }
     const double share = 65536.0 * 0.01 * search->count;
-    const double shift = SEARCH_CELL_M / (PRIOR_SHIFT_M * how->prior),
-                 turn = SEARCH_TURN_STEP / (PRIOR_TURN * how->prior);
+    const double shift = SEARCH_CELL_M / (PRIOR_SHIFT_M * options->prior),
+                 turn = SEARCH_TURN_STEP / (PRIOR_TURN * options->prior);
     search->per_shift = (int64_t)(share * shift * shift) + 1; // at least 1: of equal answers the nearest
     search->per_turn = (int64_t)(share * turn * turn) + 1;
     search->best = (struct search_result){.score = INT64_MIN};
@@ -502,7 +502,7 @@ static int hits_of(struct search *search, int turn, int x, int y, int level)
 {
     const struct search_grid *g = search->grid;
     const uint8_t *map = g->levels[level];
-    int32_t(*cells)[2] = search->cells + (size_t)(turn + search->how->turns) * (size_t)search->count;
+    int32_t(*cells)[2] = search->cells + (size_t)(turn + search->options->turns) * (size_t)search->count;
     const int side = 1 << level;
     int hits = 0;
     for (int i = 0; i < search->count; i++) {
@@ -550,7 +550,7 @@ static int64_t least_square(int from, int side, int reach)
 
 static struct node bounded_node(struct search *search, int turn, int x, int y, int level)
 {
-    const int side = 1 << level, reach = search->how->reach;
+    const int side = 1 << level, reach = search->options->reach;
     const int64_t cost = search->per_shift * (least_square(x, side, reach) + least_square(y, side, reach)) +
                          search->per_turn * turn * turn;
     return (struct node){turn, x, y, level, (int64_t)hits_of(search, turn, x, y, level) * 65536 - cost};
@@ -580,7 +580,7 @@ static void visit_node(struct search *search, const struct node *node)
     }
     struct node children[4];
     int count = 0;
-    const int half = 1 << (node->level - 1), reach = search->how->reach;
+    const int half = 1 << (node->level - 1), reach = search->options->reach;
     for (int i = 0; i < 4; i++) {
         const int x = node->x + (i & 1) * half, y = node->y + (i >> 1) * half;
         if (x <= reach && y <= reach)
@@ -594,7 +594,7 @@ static void visit_node(struct search *search, const struct node *node)
 enum status search_branch_and_bound(const struct search_grid *grid, const double (*points)[2], int count,
                                     const double guess[3], const struct search_options *how, struct search_result *out)
 {
-    struct search s = {.grid = grid, .how = how, .count = count};
+    struct search s = {.grid = grid, .options = how, .count = count};
     enum status status = start_search(&s, points, guess);
     if (status != OK)
         return status;
@@ -690,7 +690,7 @@ static enum status outline_of(const struct depth_points *points, double (**out)[
 }
 
 static enum status make_grid(const struct depth_alignment *alignment, const double (*points)[2], int count,
-                             const double guess[3], const struct search_options *how, struct search_grid *grid)
+                             const double guess[3], const struct search_options *options, struct search_grid *grid)
 {
     double low[2] = {guess[0], guess[1]}, high[2] = {guess[0], guess[1]};
     const double c = portable_cos(guess[2]), s = portable_sin(guess[2]);
@@ -705,7 +705,7 @@ static enum status make_grid(const struct depth_alignment *alignment, const doub
         farthest = fmax(farthest, points[i][0] * points[i][0] + points[i][1] * points[i][1]);
     }
     const double margin =
-        how->reach * SEARCH_CELL_M + SEARCH_EPSILON_M + sqrt(farthest) * how->turns * SEARCH_TURN_STEP;
+        options->reach * SEARCH_CELL_M + SEARCH_EPSILON_M + sqrt(farthest) * options->turns * SEARCH_TURN_STEP;
     for (int k = 0; k < 2; k++) {
         low[k] -= margin;
         high[k] += margin;
@@ -723,13 +723,13 @@ static enum status make_grid(const struct depth_alignment *alignment, const doub
 }
 
 static enum status search_once(struct depth_alignment *alignment, const double (*points)[2], int count,
-                               const double guess[3], const struct search_options *how)
+                               const double guess[3], const struct search_options *options)
 {
     struct search_grid grid;
-    enum status status = make_grid(alignment, points, count, guess, how, &grid);
+    enum status status = make_grid(alignment, points, count, guess, options, &grid);
     if (status != OK)
         return status;
-    status = search_branch_and_bound(&grid, points, count, guess, how, &alignment->search);
+    status = search_branch_and_bound(&grid, points, count, guess, options, &alignment->search);
     search_grid_free(&grid);
     return status;
 }
@@ -742,14 +742,14 @@ static enum status search_pose(struct depth_alignment *alignment, const struct d
     enum status status = outline_of(points, &outline, &count);
     const struct vec3 ahead = quat_rotate(pose->rotation, v3(1, 0, 0));
     const double guess[3] = {pose->translation.x, pose->translation.y, portable_atan2(ahead.y, ahead.x)};
-    struct search_options how = search_default_options();
+    struct search_options options = search_default_options();
     if (status == OK && count >= FEWEST_POINTS) {
-        status = search_once(alignment, (const double(*)[2])outline, count, guess, &how);
+        status = search_once(alignment, (const double(*)[2])outline, count, guess, &options);
         if (status == OK && alignment->search.hits < MIN_HITS * count) { // the odometry may have jumped
-            how.reach *= WIDENED;
-            how.turns *= WIDENED;
-            how.prior *= WIDENED;
-            status = search_once(alignment, (const double(*)[2])outline, count, guess, &how);
+            options.reach *= WIDENED;
+            options.turns *= WIDENED;
+            options.prior *= WIDENED;
+            status = search_once(alignment, (const double(*)[2])outline, count, guess, &options);
             if (status == OK && alignment->search.hits < MIN_HITS * count)
                 status = NOTHING;
         }

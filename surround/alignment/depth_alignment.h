@@ -126,7 +126,7 @@ void search_grid_finish(struct search_grid *grid); // after the last mark
 // points: count x (x, y) in the body's axes. guess: x, y, heading in the world. *out is what trying all would find.
 // ERR_MEMORY.
 MUST_CHECK enum status search_branch_and_bound(const struct search_grid *grid, const double (*points)[2], int count,
-                                               const double guess[3], const struct search_options *how,
+                                               const double guess[3], const struct search_options *options,
                                                struct search_result *out);
 
 // ---------------------------------------------------------------- depth alignment

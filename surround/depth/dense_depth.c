@@ -476,11 +476,11 @@ static enum status extrapolate_surfaces(struct surround_picture *picture, const 
 }
 
 static enum status make_depth(struct surround_picture *picture, const struct depth_seeds *seeds,
-                              const struct depth_options *how, int32_t *label)
+                              const struct depth_options *options, int32_t *label)
 {
     const size_t pixels = (size_t)picture->width * (size_t)picture->height;
     memset(label, 0xff, pixels * sizeof *label);
-    if (how->sky && picture->panorama) {
+    if (options->sky && picture->panorama) {
         int32_t *stack = malloc(pixels * sizeof *stack);
         if (!stack)
             return fail(ERR_MEMORY, "no memory for a picture's depth");
@@ -490,12 +490,12 @@ static enum status make_depth(struct surround_picture *picture, const struct dep
     for (int i = 0; i < seeds->count; i++)
         if (!seeds->list[i].hidden)
             label[(size_t)seeds->list[i].v * (size_t)picture->width + (size_t)seeds->list[i].u] = i;
-    const int reach = picture->panorama ? (how->reach * picture->height + 512) / 1024 : how->reach;
-    enum status status = watershed_grow(picture, reach, how->upright ? MAX_EDGE : 255, label);
+    const int reach = picture->panorama ? (options->reach * picture->height + 512) / 1024 : options->reach;
+    enum status status = watershed_grow(picture, reach, options->upright ? MAX_EDGE : 255, label);
     if (status != OK)
         return status;
     fill_segments(picture, seeds, label);
-    if (how->upright)
+    if (options->upright)
         return extrapolate_surfaces(picture, seeds, label);
     surround_picture_join(picture);
     return OK;

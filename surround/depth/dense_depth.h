@@ -29,4 +29,4 @@ struct world_points {
 
 // Makes picture->inverse and joined. The picture must be placed. ERR_MEMORY: they are as before.
 MUST_CHECK enum status dense_depth_make(struct surround_picture *picture, const struct world_points *points,
-                                        const struct depth_options *how);
+                                        const struct depth_options *options);

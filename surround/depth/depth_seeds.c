@@ -311,7 +311,7 @@ static void add_point(struct seed *seed, const struct seed *one)
 }
 
 static void project_points(struct depth_seeds *seeds, const struct surround_picture *picture,
-                           const struct world_points *points, const struct depth_options *how)
+                           const struct world_points *points, const struct depth_options *options)
 {
     const struct vec3 t = picture->world_from_camera.translation;
     float gain[3] = {1, 1, 1};
@@ -321,7 +321,7 @@ static void project_points(struct depth_seeds *seeds, const struct surround_pict
         const double world[3] = {points->xyz[i][0], points->xyz[i][1], points->xyz[i][2]};
         struct picture_point at;
         if (!surround_picture_project(picture, world, &at) ||
-            !(at.distance > how->nearest_m && at.distance < how->farthest_m))
+            !(at.distance > options->nearest_m && at.distance < options->farthest_m))
             continue;
         const int u = (int)floorf(at.u + 0.5f), v = (int)floorf(at.v + 0.5f);
         if (u < 0 || v < 0 || u >= picture->width || v >= picture->height ||

@@ -53,5 +53,5 @@ struct depth_seeds {
 
 // The nearest point of each pixel, with the planes fitted and the hidden marked. ERR_MEMORY.
 MUST_CHECK enum status depth_seeds_make(struct depth_seeds *s, const struct surround_picture *p,
-                                        const struct world_points *points, const struct depth_options *how);
+                                        const struct world_points *points, const struct depth_options *options);
 void depth_seeds_free(struct depth_seeds *seeds); // what was zeroed, too

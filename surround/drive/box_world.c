@@ -1,5 +1,6 @@
 #include "surround/drive/box_world.h"
 
+#include "base/clamp.h"
 #include "base/depth_noise.h"
 #include "base/portable_math.h"
 
@@ -18,7 +19,7 @@ static void paint_box(const struct box *box, const double at[3], int axis, uint8
     const uint32_t tint = mix_bits((uint32_t)u * 73856093u ^ (uint32_t)v * 19349663u ^ (uint32_t)axis * 83492791u);
     for (int c = 0; c < 3; c++) {
         const int value = box->color[c] + (int)(tint >> (8 * c) & 63) - 32 - 10 * axis;
-        rgb[c] = (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
+        rgb[c] = (uint8_t)clamp_int(value, 0, 255);
     }
 }
 

@@ -12,20 +12,20 @@ struct drive_options drive_default_options(void) { return (struct drive_options)
 static bool is_delivered(void *self, int capture)
 {
     const struct drive_session *s = self;
-    return drive_link_delivers(&s->how.link, (uint32_t)capture);
+    return drive_link_delivers(&s->options.link, (uint32_t)capture);
 }
 
-static struct lens resize_lens(const struct lens *lens, const struct drive_options *how)
+static struct lens resize_lens(const struct lens *lens, const struct drive_options *options)
 {
     struct lens out = *lens;
-    if (how->width > 0 && how->height > 0) {
-        const double scale = (double)how->width / lens->width;
-        out.width = how->width;
-        out.height = how->height;
+    if (options->width > 0 && options->height > 0) {
+        const double scale = (double)options->width / lens->width;
+        out.width = options->width;
+        out.height = options->height;
         out.fx *= scale;
         out.fy *= scale;
-        out.cx = (how->width - 1) / 2.0;
-        out.cy = (how->height - 1) / 2.0;
+        out.cx = (options->width - 1) / 2.0;
+        out.cy = (options->height - 1) / 2.0;
     }
     return out;
 }
@@ -34,14 +34,14 @@ static enum status open_simulated(struct drive_session *session, const char *sta
 {
     struct box_world world;
     struct pose start;
-    struct rover_options how = rover_default_options();
+    struct rover_options options = rover_default_options();
     const int number = !*stage ? 3 : stage[1] ? 0 : stage[0] - '0';
     if (number < 1 || number > 3)
         return fail(ERR_INPUT, "sim: has the stages 1 (straight passage), 2 (bent passage) and 3 (a wall), not '%s'",
                     stage);
-    how.view = resize_lens(&how.view, &session->how);
+    options.view = resize_lens(&options.view, &session->options);
     rover_stage_world(number, &world, &start);
-    return simulated_rover_open(&session->rover, &world, start, &how);
+    return simulated_rover_open(&session->rover, &world, start, &options);
 }
 
 static enum status open_folder(struct drive_session *session, const char *folder)
@@ -55,42 +55,47 @@ static enum status open_folder(struct drive_session *session, const char *folder
     session->played.delivers = is_delivered;
     session->played.delivers_self = session;
     session->first_ns = session->played.set.captures[0].time_ns;
-    const struct lens lens = resize_lens(&session->played.set.view, &session->how);
+    const struct lens lens = resize_lens(&session->played.set.view, &session->options);
     surround_view_close(&session->played.view);
     return surround_view_open(&session->played.view, &lens);
 }
 
 static enum status open_ros(struct drive_session *session, const char *master)
 {
-    if (!session->how.calibration)
+    if (!session->options.calibration)
         return fail(ERR_INPUT, "a ROS robot needs --calibration FILE: its lenses and where its cameras are, like the "
                                "calibration.json of a folder of captures");
-    enum status status =
-        ros_rover_open(&session->ros, master, session->how.remap, session->how.calibration, session->how.patience_s);
+    enum status status = ros_rover_open(&session->ros, master, session->options.remap, session->options.calibration,
+                                        session->options.patience_s);
     if (status != OK)
         return status;
-    const struct lens lens = resize_lens(&session->ros.rig.view, &session->how);
+    const struct lens lens = resize_lens(&session->ros.rig.view, &session->options);
     surround_view_close(&session->ros.surroundings.view);
     return surround_view_open(&session->ros.surroundings.view, &lens);
 }
 
 const struct surroundings *drive_session_surroundings(const struct drive_session *session)
 {
-    return session->kind == DRIVE_SIMULATED ? &session->rover.surroundings
-           : session->kind == DRIVE_PLAYED  ? &session->played
-                                            : &session->ros.surroundings;
+    switch (session->kind) {
+    case DRIVE_SIMULATED: return &session->rover.surroundings;
+    case DRIVE_PLAYED: return &session->played;
+    default: return &session->ros.surroundings;
+    }
 }
 
 static struct surroundings *seen_by(struct drive_session *session)
 {
-    return session->kind == DRIVE_SIMULATED ? &session->rover.surroundings
-           : session->kind == DRIVE_PLAYED  ? &session->played
-                                            : &session->ros.surroundings;
+    switch (session->kind) {
+    case DRIVE_SIMULATED: return &session->rover.surroundings;
+    case DRIVE_PLAYED: return &session->played;
+    default: return &session->ros.surroundings;
+    }
 }
 
 enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how)
 {
-    *s = (struct drive_session){.how = *how, .eye = {.viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2}};
+    *s = (struct drive_session){.options = *how,
+                                .eye = {.viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2}};
     s->watch.patience_s = how->patience_s;
     enum status status;
     if (!strncmp(uri, "sim:", 4)) {
@@ -131,11 +136,11 @@ static void receive_commands(struct drive_session *session, int64_t by_ns)
     }
 }
 
-static int64_t delay_ns(const struct drive_session *session) { return llround(session->how.link.delay_s * 1e9); }
+static int64_t delay_ns(const struct drive_session *session) { return llround(session->options.link.delay_s * 1e9); }
 
 static void send_command(struct drive_session *session, const struct drive_command *command)
 {
-    if (!drive_link_delivers(&session->how.link, session->sent++) || session->pending_count == DRIVE_PENDING)
+    if (!drive_link_delivers(&session->options.link, session->sent++) || session->pending_count == DRIVE_PENDING)
         return;
     session->pending[session->pending_count].command = *command;
     session->pending[session->pending_count++].arrives_ns = session->now_ns + delay_ns(session);
@@ -230,9 +235,11 @@ static double age_of_s(const struct drive_session *session, const struct surroun
 
 static struct drive_command command_of(const struct drive_session *session)
 {
-    return session->kind == DRIVE_SIMULATED ? session->rover.command
-           : session->kind == DRIVE_ROS     ? session->ros.command
-                                            : played_command(session);
+    switch (session->kind) {
+    case DRIVE_SIMULATED: return session->rover.command;
+    case DRIVE_ROS: return session->ros.command;
+    default: return played_command(session);
+    }
 }
 
 struct drive_readings drive_session_readings(const struct drive_session *session)
@@ -254,9 +261,11 @@ struct drive_readings drive_session_readings(const struct drive_session *session
 
 const double *drive_session_size(const struct drive_session *session)
 {
-    return session->kind == DRIVE_SIMULATED ? session->rover.how.size_m
-           : session->kind == DRIVE_ROS     ? session->ros.rig.body_size_m
-                                            : session->played.set.body_size_m;
+    switch (session->kind) {
+    case DRIVE_SIMULATED: return session->rover.options.size_m;
+    case DRIVE_ROS: return session->ros.rig.body_size_m;
+    default: return session->played.set.body_size_m;
+    }
 }
 
 struct pose drive_session_viewpoint(const struct drive_session *session)
@@ -266,17 +275,16 @@ struct pose drive_session_viewpoint(const struct drive_session *session)
 
 const struct lens *drive_session_lens(const struct drive_session *session)
 {
-    return session->kind == DRIVE_SIMULATED ? &session->rover.surroundings.view.lens
-           : session->kind == DRIVE_PLAYED  ? &session->played.view.lens
-                                            : &session->ros.surroundings.view.lens;
+    return &drive_session_surroundings(session)->view.lens;
 }
 
 static struct pose eye_of(const struct drive_session *session, struct pose body)
 {
-    return session->eye.head ? pose_multiply(body, session->eye.body_from_eye)
-           : session->eye.orbit
-               ? operator_orbit(body, session->eye.azimuth, session->eye.elevation, session->eye.distance_m)
-               : operator_viewpoint(session->eye.viewpoint, body, drive_session_size(session));
+    if (session->eye.head)
+        return pose_multiply(body, session->eye.body_from_eye);
+    if (session->eye.orbit)
+        return operator_orbit(body, session->eye.azimuth, session->eye.elevation, session->eye.distance_m);
+    return operator_viewpoint(session->eye.viewpoint, body, drive_session_size(session));
 }
 
 static void fill_overlay(struct drive_session *session, struct pose body, struct operator_overlay *out)
@@ -299,7 +307,8 @@ enum status drive_session_prepare(struct drive_session *s, struct drive_scene *o
 {
     struct surroundings *seen = seen_by(s);
     const struct pose body = drive_session_pose(s);
-    *out = (struct drive_scene){.world_from_view = eye_of(s, body), .lens = seen->view.lens, .how = seen->how.view};
+    *out = (struct drive_scene){
+        .world_from_view = eye_of(s, body), .lens = seen->view.lens, .options = seen->options.view};
     memcpy(out->size_m, drive_session_size(s), sizeof out->size_m);
     const enum status status = surroundings_prepare(seen, out->world_from_view, &out->pictures, &out->count);
     if (status == OK)

@@ -31,7 +31,7 @@ enum drive_kind { DRIVE_SIMULATED, DRIVE_PLAYED, DRIVE_ROS };
 
 struct drive_session {
     enum drive_kind kind;
-    struct drive_options how;
+    struct drive_options options;
     struct simulated_rover rover; // simulated
     struct surroundings played;   // folder
     struct ros_rover ros;         // ros
@@ -54,7 +54,8 @@ struct drive_session {
 };
 
 // ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.
-MUST_CHECK enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how);
+MUST_CHECK enum status drive_session_open(struct drive_session *s, const char *uri,
+                                          const struct drive_options *options);
 void drive_session_close(struct drive_session *session); // what was zeroed, too
 
 // Moves on to `now_ns` (session time, rising). command: what the operator sends at this moment; NULL: nothing. What was
@@ -82,7 +83,7 @@ struct drive_scene {
     struct lens lens; // of the operator's pictures
     const struct surround_picture *const *pictures;
     int count;
-    struct view_options how;
+    struct view_options options;
     struct operator_overlay overlay; // of size 0 where the eye is inside the body
     double size_m[3];                // of the body
 };

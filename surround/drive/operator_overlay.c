@@ -22,9 +22,9 @@ static const struct {
 
 enum overlay_warning overlay_warning_of(double distance_m)
 {
-    return distance_m < warnings[WARNING_TOUCHING].below_m ? WARNING_TOUCHING
-           : distance_m < warnings[WARNING_NEAR].below_m   ? WARNING_NEAR
-                                                           : WARNING_NONE;
+    if (distance_m < warnings[WARNING_TOUCHING].below_m)
+        return WARNING_TOUCHING;
+    return distance_m < warnings[WARNING_NEAR].below_m ? WARNING_NEAR : WARNING_NONE;
 }
 
 const uint8_t *overlay_warning_color(enum overlay_warning warning) { return warnings[warning].color; }
@@ -34,7 +34,12 @@ static struct vec3 in_body(struct pose world_from_body, const double at[3])
     return pose_apply(pose_inverse(world_from_body), v3(at[0], at[1], at[2]));
 }
 
-static double excess_beyond(double x, double half) { return x > half ? x - half : x < -half ? x + half : 0; }
+static double excess_beyond(double x, double half)
+{
+    if (x > half)
+        return x - half;
+    return x < -half ? x + half : 0;
+}
 
 enum status nearest_in_view(const struct surround_view *view, struct pose world_from_body, const double size_m[3],
                             double low_m, struct nearest_thing *out)

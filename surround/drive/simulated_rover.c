@@ -39,22 +39,22 @@ struct pose rover_depth_camera(int camera)
     return (struct pose){body_from_camera(turn, DOWN), v3(0.2 * portable_cos(turn), 0.2 * portable_sin(turn), DEPTH_M)};
 }
 
-struct lens rover_depth_lens(const struct rover_options *how)
+struct lens rover_depth_lens(const struct rover_options *options)
 {
-    const double f = how->depth_width * 0.89; // as a Kinect's
-    return (struct lens){.width = how->depth_width,
-                         .height = how->depth_height,
+    const double f = options->depth_width * 0.89; // as a Kinect's
+    return (struct lens){.width = options->depth_width,
+                         .height = options->depth_height,
                          .fx = f,
                          .fy = f,
-                         .cx = (how->depth_width - 1) / 2.0,
-                         .cy = (how->depth_height - 1) / 2.0};
+                         .cx = (options->depth_width - 1) / 2.0,
+                         .cy = (options->depth_height - 1) / 2.0};
 }
 
 enum status simulated_rover_open(struct simulated_rover *r, const struct box_world *world, struct pose start,
                                  const struct rover_options *how)
 {
     *r = (struct simulated_rover){
-        .world = *world, .how = *how, .start = start, .world_from_body = start, .odometry = POSE_IDENTITY};
+        .world = *world, .options = *how, .start = start, .world_from_body = start, .odometry = POSE_IDENTITY};
     const enum status status =
         surroundings_open_live(&r->surroundings, SURROUNDINGS_ROBOT, &how->view, rover_head(), NULL);
     return status == OK ? simulated_rover_step(r, (struct drive_command){0, 0}, 0) : status;
@@ -64,13 +64,13 @@ void simulated_rover_close(struct simulated_rover *rover) { surroundings_close(&
 
 static enum status depth_of(struct simulated_rover *rover, struct depth_points *points)
 {
-    const struct rover_options *how = &rover->how;
-    const struct lens lens = rover_depth_lens(how);
+    const struct rover_options *options = &rover->options;
+    const struct lens lens = rover_depth_lens(options);
     uint16_t *depth = malloc((size_t)lens.width * (size_t)lens.height * sizeof *depth);
     enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for the simulated robot");
     for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
         const struct pose at = rover_depth_camera(c);
-        const uint32_t seed = how->seed * 2654435761u + (uint32_t)(4 * rover->surroundings.taken + c) + 1;
+        const uint32_t seed = options->seed * 2654435761u + (uint32_t)(4 * rover->surroundings.taken + c) + 1;
         box_world_depth(&rover->world, pose_multiply(rover->world_from_body, at), &lens, ROVER_RANGE_M, seed, depth);
         status = depth_points_add(points, depth, &lens, at, 1);
     }
@@ -80,7 +80,7 @@ static enum status depth_of(struct simulated_rover *rover, struct depth_points *
 
 static enum status capture_surroundings(struct simulated_rover *rover)
 {
-    const int height = rover->how.panorama_height, width = 2 * height;
+    const int height = rover->options.panorama_height, width = 2 * height;
     struct surroundings *s = &rover->surroundings;
     struct depth_points points = {0};
     struct surround_picture picture;
@@ -107,11 +107,11 @@ enum status simulated_rover_step(struct simulated_rover *r, struct drive_command
     r->command = r->touched ? (struct drive_command){0, 0} : command;
     r->time_ns += llround(seconds * 1e9);
     const struct pose moved = robot_motion_after(r->world_from_body, r->command, seconds);
-    if (box_world_clearance(&r->world, moved, r->how.size_m) <= 0)
+    if (box_world_clearance(&r->world, moved, r->options.size_m) <= 0)
         r->touched = true;
     else {
-        const struct drive_command reported = {r->command.speed * (1 + r->how.odometry_scale),
-                                               r->command.turn_rate * (1 + r->how.odometry_turn)};
+        const struct drive_command reported = {r->command.speed * (1 + r->options.odometry_scale),
+                                               r->command.turn_rate * (1 + r->options.odometry_turn)};
         r->world_from_body = moved;
         r->odometry = robot_motion_after(r->odometry, reported, seconds);
     }

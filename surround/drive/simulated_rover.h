@@ -21,12 +21,12 @@ struct rover_options rover_default_options(void);
 // depth cameras' lens and range.
 struct pose rover_head(void);
 struct pose rover_depth_camera(int camera);
-struct lens rover_depth_lens(const struct rover_options *how);
+struct lens rover_depth_lens(const struct rover_options *options);
 #define ROVER_RANGE_M 4.0
 
 struct simulated_rover {
     struct box_world world;
-    struct rover_options how;
+    struct rover_options options;
     struct pose start;           // true, world_from_body
     struct pose world_from_body; // true
     struct pose odometry;
@@ -38,7 +38,7 @@ struct simulated_rover {
 
 // ERR_MEMORY.
 MUST_CHECK enum status simulated_rover_open(struct simulated_rover *r, const struct box_world *world, struct pose start,
-                                            const struct rover_options *how);
+                                            const struct rover_options *options);
 void simulated_rover_close(struct simulated_rover *rover);
 
 // Drives for `seconds`, captures when it is time (first at the start).

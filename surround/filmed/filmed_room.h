@@ -11,7 +11,7 @@ int filmed_room_views(const struct place *place);
 // afterwards. A view whose picture is damaged is left out. ERR_INPUT: it was filmed without a colour camera;
 // ERR_MEMORY. On error *room is zeroed. surroundings_close closes it.
 MUST_CHECK enum status filmed_room_open(struct surroundings *room, const struct place *place, const struct lens *view,
-                                        const struct surroundings_options *how);
+                                        const struct surroundings_options *options);
 
 // Draws another size or lens from now on. ERR_MEMORY: nothing can be drawn until the next success.
 MUST_CHECK enum status filmed_room_set_lens(struct surroundings *room, const struct lens *view);

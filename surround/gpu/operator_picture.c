@@ -145,8 +145,8 @@ enum status operator_picture_draw(struct operator_picture *o, struct drive_sessi
     enum status status = before < OK ? before : drive_session_prepare(session, &scene);
     if (status != OK)
         return status;
-    const struct surround_image image = {fit_lens(&scene.lens, width, height), scene.world_from_view, scene.how, true,
-                                         1};
+    const struct surround_image image = {fit_lens(&scene.lens, width, height), scene.world_from_view, scene.options,
+                                         true, 1};
     status = surround_renderer_draw(o->renderer, &image, scene.pictures, scene.count, out);
     if (status != OK)
         return status;

@@ -534,7 +534,7 @@ static void draw_surface(struct surround_renderer *renderer, const struct surrou
                          struct gpu_program *program, int number)
 {
     const struct stored_picture *stored = &renderer->store.pictures[renderer->layers[number]];
-    const float order[4] = {(float)number, image->how.depth_test, (float)image->how.apart,
+    const float order[4] = {(float)number, image->options.depth_test, (float)image->options.apart,
                             (float)renderer->layers[number]};
     float rows[12];
     surround_rows_of(pose_multiply(pose_inverse(image->world_from_view), renderer->pictures[number]->world_from_camera),
@@ -560,8 +560,9 @@ static enum status draw_surfaces(struct surround_renderer *renderer, const struc
     if (!renderer->count)
         return OK;
     // Those asked, then the others, which have to be supported by these.
-    const int drawn = renderer->count < image->how.geometry_pictures ? renderer->count : image->how.geometry_pictures;
-    const int asked = !image->how.depth_test || drawn < judges ? drawn : judges;
+    const int drawn =
+        renderer->count < image->options.geometry_pictures ? renderer->count : image->options.geometry_pictures;
+    const int asked = !image->options.depth_test || drawn < judges ? drawn : judges;
     struct gpu_program **programs[2] = {&renderer->surface_programs[judges], &renderer->unasked_program};
     enum status status = fit_program(renderer, programs[0], &surface_text, judges);
     if (status == OK && asked < drawn)

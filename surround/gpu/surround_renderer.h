@@ -56,9 +56,9 @@ void surround_renderer_close(struct surround_renderer **r); // NULL is fine
 struct surround_image {
     struct lens lens; // ideal
     struct pose world_from_view;
-    struct view_options how; // texture_pictures is 2
-    bool hatched;            // what was not seen is hatched, opaque over black; else black
-    int max_uploads;         // new pictures in one call, so that none takes long; 0: all
+    struct view_options options; // texture_pictures is 2
+    bool hatched;                // what was not seen is hatched, opaque over black; else black
+    int max_uploads;             // new pictures in one call, so that none takes long; 0: all
 };
 
 // The pictures have depth with a depth_number each, and are sorted by surround_view_rank. The texture is the

@@ -90,7 +90,7 @@ struct texture {
     struct surround_view *view;
     const struct surround_picture *const *pictures;
     int count;
-    const struct view_options *how;
+    const struct view_options *options;
     float pixel_angle; // of the view, radians
 };
 
@@ -250,7 +250,7 @@ static int tile_pictures(const struct texture *texture, int x0, int y0, int out[
 
 static void blend_pictures(const struct texture *texture, struct choice *list, int count, uint8_t rgb[3])
 {
-    const int blended = count > texture->how->texture_pictures ? texture->how->texture_pictures : count;
+    const int blended = count > texture->options->texture_pictures ? texture->options->texture_pictures : count;
     // The cost at which a picture's weight is 0: that of the next one
     const float end = count > blended ? list[blended].cost : list[blended - 1].cost * 1.5f + 0.02f;
     float sum[3] = {0}, weights = 0;
@@ -281,7 +281,7 @@ static void ask_picture(const struct texture *texture, struct shading *shading, 
 {
     const struct surround_picture *p = texture->pictures[picture];
     const struct ways ways = compare_ways(&shading->points, p);
-    const int max = texture->how->texture_pictures + 1;
+    const int max = texture->options->texture_pictures + 1;
     struct four_points at;
     four camera[3];
     asked &= ~costs_more(p, &shading->points, &ways, shading->limit);

@@ -43,7 +43,7 @@ MUST_CHECK enum status surround_view_rank(struct pose world_from_view, const str
 // Fills all of *view. The pictures have depth and are sorted by surround_view_rank. ERR_MEMORY.
 MUST_CHECK enum status surround_view_draw(struct surround_view *view, struct pose world_from_view,
                                           const struct surround_picture *const *pictures, int count,
-                                          const struct view_options *how);
+                                          const struct view_options *options);
 
 // What a user would take instead, to compare with: every known pixel of every picture as a coloured point, drawn 2 x 2
 // pixels large, the nearest winning.

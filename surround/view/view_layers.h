@@ -13,8 +13,8 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
 
 // Which depth each pixel has, of `count` layers, each width * height, layer after layer. Fills inverse_z and first.
 void view_merge(struct surround_view *view, const struct surround_picture *const *pictures, const float *layers,
-                int count, const struct view_options *how);
+                int count, const struct view_options *options);
 
 // Colours; fills rgb and source. ERR_MEMORY.
 MUST_CHECK enum status view_texture(struct surround_view *view, const struct surround_picture *const *pictures,
-                                    int count, const struct view_options *how);
+                                    int count, const struct view_options *options);

@@ -521,34 +521,34 @@ static bool is_unsupported(const struct surround_picture *const *pictures, int a
 
 // through: whether a picture may look through the first surface.
 static void decide_pixel(struct surround_view *view, const struct surround_picture *const *pictures, int asked,
-                         int pixel, const struct column *column, bool through, const struct view_options *how)
+                         int pixel, const struct column *column, bool through, const struct view_options *options)
 {
     struct candidate best = {0};
     double min = 2; // more than any error
     for (int from = 0, end; from < column->count && min > HALF; from = end) {
-        end = from ? surface_end(column->list, column->count, from, how->apart) : column->end;
+        end = from ? surface_end(column->list, column->count, from, options->apart) : column->end;
         const struct candidate mean = from ? surface_mean(column->list, from, end) : column->first;
-        if (how->depth_test && mean.layer >= asked) { // few: the point is not made for the others
+        if (options->depth_test && mean.layer >= asked) { // few: the point is not made for the others
             double world[3];
             surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, mean.inverse_z, world);
             if (is_unsupported(pictures, asked, column->list + from, end - from, world))
                 continue;
         }
-        const bool test = how->depth_test && (from || through);
+        const bool test = options->depth_test && (from || through);
         const double error = test ? error_of(view, pictures, asked, pixel, mean.inverse_z) : 0;
         if (error < min) {
             min = error;
             best = mean;
         }
     }
-    if (min > 1 || (how->depth_test && min > MAX_THROUGH))
+    if (min > 1 || (options->depth_test && min > MAX_THROUGH))
         return;
     view->inverse_z[pixel] = best.inverse_z;
     view->first[pixel] = (int16_t)best.layer;
 }
 
 void view_merge(struct surround_view *view, const struct surround_picture *const *pictures, const float *layers,
-                int count, const struct view_options *how)
+                int count, const struct view_options *options)
 {
     const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
     const int asked = count < MAX_ASKED ? count : MAX_ASKED;
@@ -566,14 +566,14 @@ void view_merge(struct surround_view *view, const struct surround_picture *const
             view->first[at[l]] = -1;
             if (!c->count)
                 continue;
-            c->end = surface_end(c->list, c->count, 0, how->apart);
+            c->end = surface_end(c->list, c->count, 0, options->apart);
             c->first = surface_mean(c->list, 0, c->end);
             inverse_z[l] = c->first.inverse_z;
             any = true;
         }
-        if (how->depth_test && any)
+        if (options->depth_test && any)
             through = looked_through(view, pictures, asked, at, inverse_z);
         for (int l = 0; l < 4; l++)
-            decide_pixel(view, pictures, asked, at[l], &columns[l], through[l], how);
+            decide_pixel(view, pictures, asked, at[l], &columns[l], through[l], options);
     }
 }

@@ -26,8 +26,8 @@ static struct built build(const char *path)
     atomic_int news = 0;
     struct avatar_builder *p;
     struct built b = {0};
-    const struct avatar_builder_options how = {path, rehearsed.take, count, &news};
-    EXPECT_STATUS(avatar_builder_start(&p, &how), OK);
+    const struct avatar_builder_options options = {path, rehearsed.take, count, &news};
+    EXPECT_STATUS(avatar_builder_start(&p, &options), OK);
     avatar_builder_begin(p);
     double share = 0;
     for (enum avatar_news got = AVATAR_NO_NEWS; got != AVATAR_FULL;) {
@@ -94,8 +94,8 @@ static void test_kept_avatar_is_the_same(void **state)
     EXPECT_INT(b.simple_points, 0);
     expect_same(&a.avatar, &b.avatar);
     struct avatar made;
-    const struct avatar_options how = avatar_default_options();
-    EXPECT_STATUS(avatar_make(&made, rehearsed.take, rehearsed.rays, &how), OK);
+    const struct avatar_options options = avatar_default_options();
+    EXPECT_STATUS(avatar_make(&made, rehearsed.take, rehearsed.rays, &options), OK);
     expect_same(&a.avatar, &made);
     avatar_free(&made);
     avatar_free(&a.avatar);
@@ -108,8 +108,8 @@ static void test_cancel_at_any_moment(void **state)
     for (int ms = 0; ms < 500; ms = 2 * ms + 1) {
         atomic_int news = 0;
         struct avatar_builder *p;
-        const struct avatar_builder_options how = {rehearsed.rehearsal.file, rehearsed.take, count, &news};
-        EXPECT_STATUS(avatar_builder_start(&p, &how), OK);
+        const struct avatar_builder_options options = {rehearsed.rehearsal.file, rehearsed.take, count, &news};
+        EXPECT_STATUS(avatar_builder_start(&p, &options), OK);
         avatar_builder_begin(p);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
         avatar_builder_close(&p);

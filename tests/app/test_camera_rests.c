@@ -72,9 +72,9 @@ static int set_up(void **state)
 {
     (void)state;
     rehearsal = rehearsal_make();
-    const struct viewer_options how = {
+    const struct viewer_options options = {
         .file = rehearsal.file, .take = "turn", .camera = rehearsal.camera, .refresh_hz = 60};
-    glass_open(&glass, GLASS_LONG / 2, GLASS_SHORT / 2, &how);
+    glass_open(&glass, GLASS_LONG / 2, GLASS_SHORT / 2, &options);
     glass_prepare(&glass);
     glass_wait_located(&glass, true);
     if (!glass.viewer.state.playback.playing)

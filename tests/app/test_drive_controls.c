@@ -22,9 +22,9 @@ static struct stage s;
 static int open_stage(void **state)
 {
     (void)state;
-    const struct drive_options how = drive_default_options();
+    const struct drive_options options = drive_default_options();
     s = (struct stage){.tapped = PART_NOTHING};
-    EXPECT_STATUS(drive_session_open(&s.session, "sim:3", &how), OK);
+    EXPECT_STATUS(drive_session_open(&s.session, "sim:3", &options), OK);
     drive_controls_place(&s.controls, WIDTH, HEIGHT);
     return 0;
 }
@@ -342,11 +342,11 @@ static void test_a_lost_link_and_an_old_picture_stop(void **state)
     (void)state;
     key(WINDOW_KEY, WINDOW_KEY_UP);
     expect_moves();
-    s.session.how.link.loss = 1;
+    s.session.options.link.loss = 1;
     run(12);
     EXPECT_NEAR(s.speed, 0, 0);
     EXPECT_INT(s.controls.halt, HALT_LINK);
-    s.session.how.link.loss = 0;
+    s.session.options.link.loss = 0;
     expect_stands(); // the link is back, the key is still down
     key(WINDOW_KEY, WINDOW_KEY_UP);
     expect_moves();

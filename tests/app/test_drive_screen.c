@@ -105,11 +105,11 @@ struct stage {
 
 static void open_stage(struct stage *s, const char *folder, const char *recording, bool depth)
 {
-    struct drive_options how = drive_default_options();
+    struct drive_options options = drive_default_options();
     char uri[300];
     robot_film(&scratch, folder, pictures, depth ? world : NULL);
     snprintf(uri, sizeof uri, "folder:%s/%s", scratch.path, folder);
-    EXPECT_STATUS(drive_session_open(&s->session, uri, &how), OK);
+    EXPECT_STATUS(drive_session_open(&s->session, uri, &options), OK);
     EXPECT_STATUS(gpu_open(&s->gpu), OK);
     EXPECT_STATUS(gpu_target_open(&s->target, s->gpu, WIDTH, HEIGHT), OK);
     EXPECT_STATUS(drive_screen_open(&s->screen, s->gpu, &s->session, recording, &place), OK);

@@ -56,8 +56,8 @@ static void test_take_opens_immediately_and_refines(void **state)
 {
     (void)state;
     struct glass g;
-    const struct viewer_options how = {.file = rehearsal.file, .take = "once more", .refresh_hz = 60};
-    glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &how);
+    const struct viewer_options options = {.file = rehearsal.file, .take = "once more", .refresh_hz = 60};
+    glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &options);
     struct viewer *v = &g.viewer;
     glass_draw(&g);
     EXPECT_TRUE(v->image.making);
@@ -87,7 +87,7 @@ static void test_take_opens_immediately_and_refines(void **state)
     const int64_t made_ns = clock_now_ns() - making;
     glass_close(&g); // after the avatar was written into the recording
     const int64_t reading = clock_now_ns();
-    glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &how);
+    glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &options);
     int made_again = 0;
     do { // with the first drawing, but on a machine that is busy with more
         glass_draw(&g);
@@ -150,8 +150,8 @@ static void test_a_take_without_an_avatar_shows_no_parts(void **state)
     char file[256];
     snprintf(file, sizeof file, "%s", scratch_file(&rehearsal.scratch, "bodiless.reenact"));
     write_without_depth(file);
-    const struct viewer_options how = {.file = file, .take = "once more", .refresh_hz = 60};
-    glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &how);
+    const struct viewer_options options = {.file = file, .take = "once more", .refresh_hz = 60};
+    glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &options);
     const struct take_view_image *p = &g.viewer.image;
     int after = 0; // pictures after it was known
     glass_draw(&g);

@@ -24,8 +24,8 @@ static struct rehearsed rehearsed;
 static struct frame_prefetch *start(const char *path)
 {
     struct frame_prefetch *a;
-    const struct frame_prefetch_options how = {path, rehearsed.take, rehearsed.skeletons, &rehearsed.avatar};
-    EXPECT_STATUS(prefetch_start(&a, &how), OK);
+    const struct frame_prefetch_options options = {path, rehearsed.take, rehearsed.skeletons, &rehearsed.avatar};
+    EXPECT_STATUS(prefetch_start(&a, &options), OK);
     return a;
 }
 

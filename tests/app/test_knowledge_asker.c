@@ -39,9 +39,9 @@ static struct place_thing kept_thing(const char *url)
 static struct knowledge_asker *start(const char *file, int total_ms)
 {
     struct knowledge_asker *a;
-    struct knowledge_asker_options how = {.file = file, .limits = http_default_limits()};
-    how.limits.connect_ms = how.limits.total_ms = total_ms;
-    EXPECT_STATUS(knowledge_asker_start(&a, &how), OK);
+    struct knowledge_asker_options options = {.file = file, .limits = http_default_limits()};
+    options.limits.connect_ms = options.limits.total_ms = total_ms;
+    EXPECT_STATUS(knowledge_asker_start(&a, &options), OK);
     return a;
 }
 

@@ -41,9 +41,9 @@ static void test_person_second_person_and_none(void **state)
     const struct calibration c = world_calibration(SCALE);
     const int pixels = c.depth.width * c.depth.height;
     uint16_t *depth = malloc(sizeof *depth * (size_t)pixels), *other = malloc(sizeof *other * (size_t)pixels);
-    const struct live_tracker_options how = {.calibration = &c};
+    const struct live_tracker_options options = {.calibration = &c};
     struct live_tracker *t;
-    EXPECT_STATUS(live_tracker_open(&t, &how), OK);
+    EXPECT_STATUS(live_tracker_open(&t, &options), OK);
     int alone = 0, alone_second = 0, both = 0, both_second = 0, empty = 0;
     for (int i = 0; i < GONE; i++) {
         const bool there = i >= EMPTY && i < BOTH, joined = i >= ALONE && i < BOTH;
@@ -84,11 +84,11 @@ static void test_disoccluded_background_is_no_person(void **state)
     struct world *w = open_world("pirouette", "woman", 0);
     const struct calibration c = world_calibration(0.5);
     uint16_t *depth = malloc(sizeof *depth * lens_pixels(&c.depth));
-    const struct live_tracker_options how = {.calibration = &c};
+    const struct live_tracker_options options = {.calibration = &c};
     for (int step = SANITIZED ? 3 : 1; step <= 3; step += 2) { // as a slow computer leaves frames out
         struct live_tracker *t;
         int person = 0, second = 0, count = 0;
-        EXPECT_STATUS(live_tracker_open(&t, &how), OK);
+        EXPECT_STATUS(live_tracker_open(&t, &options), OK);
         for (int i = 0; i < FRAMES; i += step, count++) {
             struct live_look look;
             const struct world_shot shot = {c.color, world_sensor_pose(w), i / 30.0, true};
@@ -118,14 +118,14 @@ static void test_a_lost_color_image_moves_no_person(void **state)
     const size_t pixels = lens_pixels(&c.color);
     uint16_t *depth = malloc(sizeof *depth * pixels);
     uint8_t *color = malloc(3 * pixels);
-    const struct live_tracker_options how = {.calibration = &c, .place = &place};
+    const struct live_tracker_options options = {.calibration = &c, .place = &place};
     struct live_tracker *t;
     struct vec3 before = {0};
     double jump_m = 0;
     int located = 0;
     const struct world_shot shot = {c.color, world_sensor_pose(w), 0, true};
     EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.depth = depth, .color = color}), OK);
-    EXPECT_STATUS(live_tracker_open(&t, &how), OK);
+    EXPECT_STATUS(live_tracker_open(&t, &options), OK);
     for (int i = 0; i < 12; i++) {
         struct live_look look;
         const bool lost = i == 5 || i >= 8;
@@ -160,12 +160,12 @@ static void test_an_attempt_stays_in_its_world(void **state)
     const struct calibration c = world_calibration(scale);
     uint16_t *depth = malloc(sizeof *depth * lens_pixels(&c.depth));
     uint8_t *color = malloc(3 * lens_pixels(&c.color));
-    const struct live_tracker_options how = {.calibration = &c, .place = &place};
+    const struct live_tracker_options options = {.calibration = &c, .place = &place};
     struct live_tracker *t;
     struct vec3 before = {0};
     const struct world_shot shot = {c.color, world_sensor_pose(w), 0, true};
     EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.depth = depth, .color = color}), OK);
-    EXPECT_STATUS(live_tracker_open(&t, &how), OK);
+    EXPECT_STATUS(live_tracker_open(&t, &options), OK);
     for (int i = 0; i < ENDS + 2; i++) {
         struct live_look look;
         live_tracker_hold_world(t, i >= BEGINS && i < ENDS);
@@ -191,8 +191,8 @@ static void test_a_sensor_without_depth_is_refused(void **state)
     struct calibration c = world_calibration(SCALE);
     struct live_tracker *t;
     c.depth.width = 0;
-    const struct live_tracker_options how = {.calibration = &c};
-    EXPECT_STATUS(live_tracker_open(&t, &how), ERR_INPUT);
+    const struct live_tracker_options options = {.calibration = &c};
+    EXPECT_STATUS(live_tracker_open(&t, &options), ERR_INPUT);
     EXPECT_TRUE(!t);
 }
 

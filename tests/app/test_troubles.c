@@ -17,9 +17,9 @@ static void open_file(struct glass *g, const char *file, const char *camera)
 {
     static char uri[300]; // must outlive the glass
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&rehearsal.scratch, camera));
-    const struct viewer_options how = {
+    const struct viewer_options options = {
         .file = file, .take = "turn", .camera = uri, .fixed_resolution = true, .refresh_hz = 60};
-    glass_open(g, GLASS_LONG / 4, GLASS_SHORT / 4, &how);
+    glass_open(g, GLASS_LONG / 4, GLASS_SHORT / 4, &options);
 }
 
 static void open_glass(struct glass *g, const char *camera) { open_file(g, rehearsal.file, camera); }

@@ -111,7 +111,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     struct surround_picture truth = {0};
     int count;
     room->plain = c->plain;
-    room->how.view.depth_test = c->depth_test;
+    room->options.view.depth_test = c->depth_test;
     enum status status = surroundings_prepare(room, at, &pictures, &count);
     const double started_ms = bench_clock_ms();
     if (status == OK)

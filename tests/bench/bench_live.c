@@ -49,10 +49,10 @@ static enum status track_alone(struct bench *b, const char *file, const char *se
     enum status status = movement_read(file, NULL, &reference, &from);
     if (status == OK)
         status = source_open(&source, sensor, SOURCE_SENSOR);
-    const struct live_tracker_options how = {.calibration = source ? source_calibration(source) : NULL,
-                                             .reference = &reference};
+    const struct live_tracker_options options = {.calibration = source ? source_calibration(source) : NULL,
+                                                 .reference = &reference};
     if (status == OK)
-        status = live_tracker_open(&tracker, &how);
+        status = live_tracker_open(&tracker, &options);
     while (status == OK && (status = source_next(source, &frame)) == OK) {
         struct live_look look;
         status = live_tracker_next(tracker, frame.time_ns, frame.color, frame.depth, NULL, &look);

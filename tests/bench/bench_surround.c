@@ -40,7 +40,7 @@ struct surround_bench {
 
 struct contender {
     struct surround_bench *all;
-    struct view_options how;
+    struct view_options options;
     enum engine engine;
 };
 
@@ -149,7 +149,7 @@ static enum status draw_by_card(const struct contender *c, struct pose at,
                                 const struct surround_picture *const *pictures)
 {
     struct surround_bench *b = c->all;
-    const struct surround_image image = {b->views[1].lens, at, c->how, true, 0};
+    const struct surround_image image = {b->views[1].lens, at, c->options, true, 0};
     const struct gpu_texture *texture;
     const enum status status = c->engine == CARD
                                    ? surround_renderer_draw(b->renderer, &image, pictures, ROAD_PANORAMAS, &texture)
@@ -183,7 +183,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     else if (status == OK && c->engine == PROCESSOR_POINTS)
         surround_view_splat(&v->view, at, order, ROAD_PANORAMAS);
     else if (status == OK)
-        status = surround_view_draw(&v->view, at, order, ROAD_PANORAMAS, &c->how);
+        status = surround_view_draw(&v->view, at, order, ROAD_PANORAMAS, &c->options);
     out->time_ms = clock_ms() - started_ms;
     const double elapsed_ms = (double)(clock_now_ns() - started_ns) * 1e-6;
     if (status == OK)
@@ -221,10 +221,10 @@ static enum status run_all(struct bench *bench, struct surround_bench *b)
     struct contender c[8];
     for (size_t i = 0; i < COUNT_OF(c); i++)
         c[i] = (struct contender){b, usual, PROCESSOR};
-    c[1].how.texture_pictures = 1;
-    c[2].how.geometry_pictures = 2;
-    c[3].how.geometry_pictures = 1;
-    c[4].how.depth_test = false;
+    c[1].options.texture_pictures = 1;
+    c[2].options.geometry_pictures = 2;
+    c[3].options.geometry_pictures = 1;
+    c[4].options.depth_test = false;
     c[5].engine = PROCESSOR_POINTS;
     c[6].engine = CARD;
     c[7].engine = CARD_POINTS;

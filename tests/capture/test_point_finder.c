@@ -82,8 +82,8 @@ static enum status look(void *self, const uint8_t *rgb, int width, int height, s
 static struct point_finder *open_points(struct finder *f)
 {
     struct point_finder *p;
-    const struct point_finder_options how = {.width = WIDTH, .height = HEIGHT, .find = look, .find_self = f};
-    EXPECT_STATUS(point_finder_open(&p, &how), OK);
+    const struct point_finder_options options = {.width = WIDTH, .height = HEIGHT, .find = look, .find_self = f};
+    EXPECT_STATUS(point_finder_open(&p, &options), OK);
     return p;
 }
 

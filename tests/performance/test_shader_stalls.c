@@ -118,8 +118,8 @@ static int make(void **state)
     (void)state;
     rehearsal = rehearsal_make();
     retake(rehearsal.file, "turn", "slowly", slow_down, NULL);
-    const struct viewer_options how = {.file = rehearsal.file, .take = "slowly", .refresh_hz = 60};
-    glass_open(&glass, GLASS_LONG, GLASS_SHORT, &how);
+    const struct viewer_options options = {.file = rehearsal.file, .take = "slowly", .refresh_hz = 60};
+    glass_open(&glass, GLASS_LONG, GLASS_SHORT, &options);
     glass_draw(&glass);
     glass_seek(&glass, 0);
     glass_prepare(&glass);

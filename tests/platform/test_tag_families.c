@@ -38,10 +38,10 @@ static void test_a_room_shows_none(void **state)
     (void)state;
     enum { PICTURES = 12 };
     struct world *world;
-    struct world_options how = world_default_options();
-    how.motion = "still";
-    how.threads = 2;
-    EXPECT_STATUS(world_open(&world, &how), OK);
+    struct world_options options = world_default_options();
+    options.motion = "still";
+    options.threads = 2;
+    EXPECT_STATUS(world_open(&world, &options), OK);
     const struct lens lens = world_calibration(1).color;
     uint8_t *rgb = malloc(4 * lens_pixels(&lens)), *gray = rgb + 3 * lens_pixels(&lens);
     assert_non_null(rgb);

@@ -76,11 +76,11 @@ void box_room_close(struct box_room *s)
 void box_room_draw(struct box_room *s, struct pose eye, int count)
 {
     const struct surround_picture *list[ROOM_PICTURES];
-    const struct view_options how = view_default_options();
+    const struct view_options options = view_default_options();
     for (int i = 0; i < count; i++)
         list[i] = &s->pictures[i];
     assert_int_equal(surround_view_rank(eye, list, count), OK);
-    assert_int_equal(surround_view_draw(&s->view, eye, list, count, &how), OK);
+    assert_int_equal(surround_view_draw(&s->view, eye, list, count, &options), OK);
     box_room_make_truth(s, eye);
 }
 

@@ -84,7 +84,7 @@ static enum status look_from(struct driver *d, struct pose eye)
             if (v->source[i] == SOURCE_UNSEEN || !(v->inverse_z[i] > 0))
                 continue;
             surround_view_point(v, x, y, v->inverse_z[i], world);
-            const int cell = world[2] < d->rover->how.size_m[2] ? cell_of(world[0], world[1]) : -1;
+            const int cell = world[2] < d->rover->options.size_m[2] ? cell_of(world[0], world[1]) : -1;
             if (cell < 0)
                 continue;
             d->shown[cell] = true;
@@ -125,7 +125,7 @@ static enum status look_at(struct driver *d, const struct pose *eyes, int count,
 static enum status look(struct driver *d, struct pose body)
 {
     static const struct vec3 down = {-TILT_RAD, 0, 0};
-    struct pose eyes[2] = {operator_viewpoint(VIEWPOINT_FIRST, body, d->rover->how.size_m)};
+    struct pose eyes[2] = {operator_viewpoint(VIEWPOINT_FIRST, body, d->rover->options.size_m)};
     const struct pose above = operator_orbit(body, 0, MAP_ELEVATION, MAP_DISTANCE_M);
     eyes[1] = (struct pose){quat_multiply(eyes[0].rotation, quat_from_rotation_vector(down)), eyes[0].translation};
     d->at = body.translation;
@@ -330,7 +330,7 @@ static enum status carry_out(struct driver *d, struct drive_command command, dou
 // Whether what stands there lets the body turn so far; what is shown inside it already cannot be there.
 static bool may_turn(const struct driver *d, struct pose body, double angle)
 {
-    const double *size = d->rover->how.size_m;
+    const double *size = d->rover->options.size_m;
     const int steps = 1 + (int)(fabs(angle) / 0.1);
     for (int i = 0; i < CELLS; i++) {
         if (!(d->occupied[i] > 0) || apart(middle_of(i), body.translation) > DIAGONAL_M || is_speck(d, i))
@@ -450,16 +450,16 @@ enum status drive_trial_approach(struct simulated_rover *r, double *clearance_m)
     for (int i = 0; status == OK && i < MAX_STEPS && !r->touched; i++) {
         const struct pose body = simulated_rover_pose(r);
         struct nearest_thing thing;
-        status = simulated_rover_draw(r, operator_viewpoint(VIEWPOINT_ABOVE, body, r->how.size_m));
+        status = simulated_rover_draw(r, operator_viewpoint(VIEWPOINT_ABOVE, body, r->options.size_m));
         if (status != OK)
             break;
-        const bool seen = nearest_in_view(&r->surroundings.view, body, r->how.size_m, 0.1, &thing) == OK;
+        const bool seen = nearest_in_view(&r->surroundings.view, body, r->options.size_m, 0.1, &thing) == OK;
         const double left = seen ? thing.distance_m - CLOSE_M : 0.3;
         if (left <= 0.002)
             break;
         const double speed = fmin(FASTEST, 0.5 * left / STEP_S);
         status = simulated_rover_step(r, (struct drive_command){speed, 0}, STEP_S);
     }
-    *clearance_m = r->touched ? 0 : box_world_clearance(&r->world, r->world_from_body, r->how.size_m);
+    *clearance_m = r->touched ? 0 : box_world_clearance(&r->world, r->world_from_body, r->options.size_m);
     return status;
 }

@@ -13,20 +13,20 @@ enum { POINTS = 300, CLOUDS = 6 };
 
 // Every turn and shift. cells: scratch, two numbers a point.
 static struct search_result try_all(const struct search_grid *grid, const double (*points)[2], const double guess[3],
-                                    const struct search_options *how, int (*cells)[2])
+                                    const struct search_options *options, int (*cells)[2])
 {
-    const double share = 65536.0 * 0.01 * POINTS, shift = SEARCH_CELL_M / (0.05 * how->prior),
-                 step = SEARCH_TURN_STEP / (0.02 * how->prior);
+    const double share = 65536.0 * 0.01 * POINTS, shift = SEARCH_CELL_M / (0.05 * options->prior),
+                 step = SEARCH_TURN_STEP / (0.02 * options->prior);
     const int64_t per_shift = (int64_t)(share * shift * shift) + 1, per_turn = (int64_t)(share * step * step) + 1;
     struct search_result best = {.score = INT64_MIN};
-    for (int turn = -how->turns; turn <= how->turns; turn++) {
+    for (int turn = -options->turns; turn <= options->turns; turn++) {
         const double angle = guess[2] + turn * SEARCH_TURN_STEP, c = portable_cos(angle), s = portable_sin(angle);
         for (int i = 0; i < POINTS; i++) {
             cells[i][0] = (int)floor((c * points[i][0] - s * points[i][1] + guess[0] - grid->x0) / SEARCH_CELL_M);
             cells[i][1] = (int)floor((s * points[i][0] + c * points[i][1] + guess[1] - grid->y0) / SEARCH_CELL_M);
         }
-        for (int y = -how->reach; y <= how->reach; y++)
-            for (int x = -how->reach; x <= how->reach; x++) {
+        for (int y = -options->reach; y <= options->reach; y++)
+            for (int x = -options->reach; x <= options->reach; x++) {
                 int hits = 0;
                 for (int i = 0; i < POINTS; i++) {
                     const int u = cells[i][0] + x, v = cells[i][1] + y;
@@ -47,8 +47,8 @@ static struct search_result try_all(const struct search_grid *grid, const double
 static void test_branch_and_bound_is_exact(void **state)
 {
     (void)state;
-    struct search_options how = search_default_options();
-    how.turns = 4;
+    struct search_options options = search_default_options();
+    options.turns = 4;
     int64_t all = 0, bounded = 0;
     for (uint64_t seed = 1; seed <= CLOUDS; seed++) {
         struct rng random = {seed};
@@ -65,9 +65,9 @@ static void test_branch_and_bound_is_exact(void **state)
         }
         search_grid_finish(&grid);
         int cells[POINTS][2];
-        const struct search_result a = try_all(&grid, (const double(*)[2])points, guess, &how, cells);
+        const struct search_result a = try_all(&grid, (const double(*)[2])points, guess, &options, cells);
         struct search_result b;
-        assert_int_equal(search_branch_and_bound(&grid, (const double(*)[2])points, POINTS, guess, &how, &b), OK);
+        assert_int_equal(search_branch_and_bound(&grid, (const double(*)[2])points, POINTS, guess, &options, &b), OK);
         if (a.turn != b.turn || a.x != b.x || a.y != b.y || a.score != b.score) {
             print_error("seed %d: all (%d %d %d, %d hits), branch and bound (%d %d %d, %d hits)\n", (int)seed, a.turn,
                         a.x, a.y, a.hits, b.turn, b.x, b.y, b.hits);

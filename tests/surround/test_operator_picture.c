@@ -19,11 +19,11 @@ struct stage {
 
 static void open_stage(struct stage *s)
 {
-    struct drive_options how = drive_default_options();
+    struct drive_options options = drive_default_options();
     const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
-    how.width = WIDTH;
-    how.height = HEIGHT;
-    EXPECT_STATUS(drive_session_open(&s->session, "sim:2", &how), OK);
+    options.width = WIDTH;
+    options.height = HEIGHT;
+    EXPECT_STATUS(drive_session_open(&s->session, "sim:2", &options), OK);
     EXPECT_STATUS(gpu_open(&s->gpu), OK);
     EXPECT_STATUS(operator_picture_open(&s->picture, s->gpu), OK);
     EXPECT_STATUS(gpu_draw2d_open(&s->draw, s->gpu, &shaders), OK);

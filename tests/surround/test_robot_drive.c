@@ -56,21 +56,21 @@ static void test_a_silent_link_is_timed_by_the_robot(void **state)
     double way_m[2];
     for (int small = 0; small < 2; small++) {
         struct drive_session s;
-        struct drive_options how = drive_default_options();
-        how.link.delay_s = 0.3;
-        EXPECT_STATUS(drive_session_open(&s, "sim:3", &how), OK);
+        struct drive_options options = drive_default_options();
+        options.link.delay_s = 0.3;
+        EXPECT_STATUS(drive_session_open(&s, "sim:3", &options), OK);
         EXPECT_STATUS(drive_session_step(&s, 1000000000, &go), OK);
         for (int i = 1; i <= (small ? 500 : 1); i++)
             EXPECT_STATUS(drive_session_step(&s, 1000000000 + i * (small ? 10000000LL : 5000000000LL), NULL), OK);
         way_m[small] = v3_distance(s.rover.world_from_body.translation, s.rover.start.translation);
-        EXPECT_NEAR(way_m[small], go.speed * how.patience_s, 1e-6);
+        EXPECT_NEAR(way_m[small], go.speed * options.patience_s, 1e-6);
         EXPECT_NEAR(s.rover.command.speed, 0, 0);
         EXPECT_TRUE(s.link_lost);
         drive_session_close(&s);
     }
     struct drive_session s;
-    const struct drive_options how = drive_default_options();
-    EXPECT_STATUS(drive_session_open(&s, "sim:3", &how), OK);
+    const struct drive_options options = drive_default_options();
+    EXPECT_STATUS(drive_session_open(&s, "sim:3", &options), OK);
     EXPECT_STATUS(drive_session_step(&s, 100000000, &go), OK);
     EXPECT_NEAR(s.rover.command.speed, go.speed, 0);
     EXPECT_STATUS(drive_session_step(&s, 200000000, &stand), OK); // it moved until this was sent
@@ -118,14 +118,14 @@ static void test_approaches_without_touching(void **state)
         struct box_world world;
         struct pose start;
         struct simulated_rover rover;
-        struct rover_options how = rover_default_options();
+        struct rover_options options = rover_default_options();
         double clearance;
-        how.seed = trial + 1;
-        how.panorama_height = 128;
+        options.seed = trial + 1;
+        options.panorama_height = 128;
         rover_stage_world(3, &world, &start);
         start.translation.x = 0.5 + 0.1 * trial;
         start.rotation = quat_from_rotation_vector(v3(0, 0, 0.1 * trial - 0.15));
-        assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
+        assert_int_equal(simulated_rover_open(&rover, &world, start, &options), OK);
         assert_int_equal(drive_trial_approach(&rover, &clearance), OK);
         print_message("trial %u: %.1f mm, %d captures\n", trial, clearance * 1e3, rover.surroundings.taken);
         EXPECT_AT_LEAST(clearance, 0.001);
@@ -147,13 +147,13 @@ static void test_the_map_saves_commands_through_the_bent_passage(void **state)
         struct pose start;
         struct simulated_rover rover;
         struct trial_result result;
-        struct rover_options how = rover_default_options();
-        how.panorama_height = 128;
-        how.view = (struct lens){.width = 240, .height = 180, .fx = 150, .fy = 150, .cx = 119.5, .cy = 89.5};
+        struct rover_options options = rover_default_options();
+        options.panorama_height = 128;
+        options.view = (struct lens){.width = 240, .height = 180, .fx = 150, .fy = 150, .cx = 119.5, .cy = 89.5};
         rover_stage_world(2, &world, &start);
         start.translation.y = 0.06 * (i / TRIAL_VIEWS - 1);
         start.rotation = quat_from_rotation_vector(v3(0, 0, 0.12 * (i / TRIAL_VIEWS - 1)));
-        assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
+        assert_int_equal(simulated_rover_open(&rover, &world, start, &options), OK);
         assert_int_equal(drive_trial_run(&rover, view, &result), OK);
         print_message("%s: %d commands, %.2f m, arrived %d, touched %d\n", view == TRIAL_MAP ? "map" : "picture",
                       result.commands, result.length_m, result.arrived, result.touched);
@@ -199,19 +199,19 @@ static void test_overlay(void **state)
     struct box_world world;
     struct pose start;
     struct simulated_rover rover;
-    struct rover_options how = rover_default_options();
-    how.panorama_height = 128;
+    struct rover_options options = rover_default_options();
+    options.panorama_height = 128;
     rover_stage_world(3, &world, &start);
-    assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
+    assert_int_equal(simulated_rover_open(&rover, &world, start, &options), OK);
     const struct surround_view *view = &rover.surroundings.view;
-    assert_int_equal(simulated_rover_draw(&rover, operator_viewpoint(VIEWPOINT_THIRD, start, how.size_m)), OK);
+    assert_int_equal(simulated_rover_draw(&rover, operator_viewpoint(VIEWPOINT_THIRD, start, options.size_m)), OK);
     const size_t bytes = (size_t)view->lens.width * (size_t)view->lens.height * 3;
     uint8_t *before = malloc(bytes);
     memcpy(before, view->rgb, bytes);
     const struct operator_overlay overlay = {
         .world_from_body = start, .size_m = {0.6, 0.5, 1.2}, .command = {0.3, 0.2}, .age_s = 1, .link_lost = true};
     struct nearest_thing thing;
-    assert_int_equal(nearest_in_view(view, start, how.size_m, 0.1, &thing), OK);
+    assert_int_equal(nearest_in_view(view, start, options.size_m, 0.1, &thing), OK);
     operator_overlay_draw(&rover.surroundings.view, &overlay, &thing);
     int changed = 0;
     for (size_t i = 0; i < bytes; i += 3)
@@ -301,17 +301,17 @@ static void ride(struct simulated_rover *r, bool threads)
 {
     struct box_world world;
     struct pose start;
-    struct rover_options how = rover_default_options();
-    how.panorama_height = 96;
+    struct rover_options options = rover_default_options();
+    options.panorama_height = 96;
     rover_stage_world(3, &world, &start);
-    assert_int_equal(simulated_rover_open(r, &world, start, &how), OK);
+    assert_int_equal(simulated_rover_open(r, &world, start, &options), OK);
     if (threads) {
         assert_int_equal(surroundings_start_threads(&r->surroundings), OK);
         EXPECT_INT(r->surroundings.taken, 1); // before the threads
     }
     for (int i = 0; i < 2; i++) {
         assert_int_equal(simulated_rover_step(r, (struct drive_command){0.31, 0.05}, 2), OK);
-        const struct pose eye = operator_viewpoint(VIEWPOINT_THIRD, simulated_rover_pose(r), how.size_m);
+        const struct pose eye = operator_viewpoint(VIEWPOINT_THIRD, simulated_rover_pose(r), options.size_m);
         for (int k = 0; k < 2000 && r->surroundings.taken < i + 2; k++) { // drawing never waits for a capture
             assert_int_equal(simulated_rover_draw(r, eye), OK);
             if (threads)

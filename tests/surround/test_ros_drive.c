@@ -35,12 +35,12 @@ static void step(struct robot *r, double ahead)
 static void start(struct robot *r, const char *patience_s)
 {
     ros_stage_open(&r->ros, PROGRAM_DIR "/ros-rover", patience_s);
-    struct drive_options how = drive_default_options();
-    how.calibration = r->ros.calibration;
-    how.threads = true;
-    how.patience_s = 1;
-    how.processor_clock = clock_cpu_ns;
-    const enum status status = drive_session_open(&r->session, r->ros.uri, &how);
+    struct drive_options options = drive_default_options();
+    options.calibration = r->ros.calibration;
+    options.threads = true;
+    options.patience_s = 1;
+    options.processor_clock = clock_cpu_ns;
+    const enum status status = drive_session_open(&r->session, r->ros.uri, &options);
     if (status != OK)
         print_error("%s\n", status_message());
     assert_int_equal(status, OK);
@@ -206,8 +206,8 @@ static void test_what_is_missing_is_said(void **state)
 {
     (void)state;
     struct drive_session s;
-    struct drive_options how = drive_default_options();
-    assert_int_equal(drive_session_open(&s, "ros:", &how), ERR_INPUT);
+    struct drive_options options = drive_default_options();
+    assert_int_equal(drive_session_open(&s, "ros:", &options), ERR_INPUT);
     assert_non_null(strstr(status_message(), "--calibration"));
     struct ros_robot *robot;
     if (!ros_robot_available()) {

@@ -146,7 +146,7 @@ static void test_what_is_only_extrapolated_is_unseen(void **state)
     const struct surround_picture *list[NEAR + 1];
     const struct gpu_texture *texture;
     struct surround_image image = {view_lens, room_camera(0.8, 1.4, 1.3), view_default_options(), true, 0};
-    image.how.geometry_pictures = NEAR + 1;
+    image.options.geometry_pictures = NEAR + 1;
     open_stage(&s, true);
     struct box_world empty = s.room.world;
     empty.count = 1; // the room alone
@@ -160,7 +160,7 @@ static void test_what_is_only_extrapolated_is_unseen(void **state)
             ninth.joined[i] =
                 (uint8_t)((ninth.joined[i] & 7) | (i % ROOM_WIDTH >= from_column[k] ? DEPTH_EXTRAPOLATED : 0));
         ninth.depth_number = 10 + k;
-        assert_int_equal(surround_view_draw(&s.room.view, image.world_from_view, list, NEAR + 1, &image.how), OK);
+        assert_int_equal(surround_view_draw(&s.room.view, image.world_from_view, list, NEAR + 1, &image.options), OK);
         memcpy(source, s.room.view.source, sizeof source);
         assert_int_equal(surround_renderer_draw(s.renderer, &image, list, NEAR + 1, &texture), OK);
         assert_int_equal(surround_readback(s.renderer, &s.room.view), OK);

@@ -64,9 +64,9 @@ static void test_what_is_only_extrapolated_is_unseen(void **state)
     static struct box_room s;
     struct surround_picture ninth;
     const struct surround_picture *list[NEAR + 1];
-    struct view_options how = view_default_options();
+    struct view_options options = view_default_options();
     const struct pose eye = room_camera(0.8, 1.4, 1.3);
-    how.geometry_pictures = NEAR + 1;
+    options.geometry_pictures = NEAR + 1;
     int drawn[2] = {0, 0}, unseen_count = 0;
     box_room_open(&s, &view_lens);
     box_room_film(&s);
@@ -83,7 +83,7 @@ static void test_what_is_only_extrapolated_is_unseen(void **state)
     for (int extrapolated = 0; extrapolated < 2; extrapolated++) {
         for (int i = 0; i < ROOM_WIDTH * ROOM_HEIGHT; i++)
             ninth.joined[i] |= extrapolated ? DEPTH_EXTRAPOLATED : 0;
-        assert_int_equal(surround_view_draw(&s.view, eye, list, NEAR + 1, &how), OK);
+        assert_int_equal(surround_view_draw(&s.view, eye, list, NEAR + 1, &options), OK);
         for (int i = 0; i < 160 * 120; i++)
             drawn[extrapolated] += unseen[i] && s.view.source[i] != SOURCE_UNSEEN;
     }
@@ -156,9 +156,9 @@ static void test_silhouettes_finer_than_pixels(void **state)
     }
     box_room_make_truth(&s, eye);
     for (int test = 0; test < 2; test++) {
-        struct view_options how = view_default_options();
-        how.depth_test = test;
-        assert_int_equal(surround_view_draw(&s.view, eye, list, 8, &how), OK);
+        struct view_options options = view_default_options();
+        options.depth_test = test;
+        assert_int_equal(surround_view_draw(&s.view, eye, list, 8, &options), OK);
         off[test] = silhouettes_off(&s);
     }
     EXPECT_AT_MOST(off[1], 0.7 * off[0]);
@@ -251,10 +251,10 @@ static void test_glass_and_walls_above(void **state)
         for (double y = -2; y < 2; y += 0.05) {
             points[count][0] = (float)x, points[count][1] = (float)y, points[count++][2] = 0;
         }
-    struct depth_options how = depth_default_options();
+    struct depth_options options = depth_default_options();
     const struct world_points world = {.xyz = (const float(*)[3])points, .count = count};
     struct surround_picture *p = &s.pictures[1];
-    assert_int_equal(dense_depth_make(p, &world, &how), OK);
+    assert_int_equal(dense_depth_make(p, &world, &options), OK);
     double worst = 0;
     for (int v = ROOM_HEIGHT / 2 - 30; v < ROOM_HEIGHT / 2 + 12; v++)
         for (int u = ROOM_WIDTH / 2 - 8; u < ROOM_WIDTH / 2 + 8; u++) {
@@ -286,10 +286,10 @@ static void test_a_post_taller_than_its_points(void **state)
                 continue;
             points[count][0] = (float)at.x, points[count][1] = (float)at.y, points[count++][2] = (float)at.z;
         }
-    struct depth_options how = depth_default_options();
+    struct depth_options options = depth_default_options();
     const struct world_points world = {.xyz = (const float(*)[3])points, .count = count};
     struct surround_picture *p = &s.pictures[0];
-    assert_int_equal(dense_depth_make(p, &world, &how), OK);
+    assert_int_equal(dense_depth_make(p, &world, &options), OK);
     for (int v = ROOM_HEIGHT / 2 - 20; v < ROOM_HEIGHT / 2 + 20; v++)
         for (int u = ROOM_WIDTH / 2 - 3; u <= ROOM_WIDTH / 2 + 2; u++) {
             float ray[3];
@@ -321,10 +321,10 @@ static void test_a_thin_post_hides_the_wall(void **state)
         for (double z = 0.2; z < 2.4; z += 0.04)
             points[count][0] = 1.5, points[count][1] = (float)y, points[count++][2] = (float)z;
     assert_true(count <= (int)COUNT_OF(points));
-    struct depth_options how = depth_default_options();
+    struct depth_options options = depth_default_options();
     const struct world_points world = {.xyz = (const float(*)[3])points, .count = count};
     struct surround_picture *p = &s.pictures[0];
-    assert_int_equal(dense_depth_make(p, &world, &how), OK);
+    assert_int_equal(dense_depth_make(p, &world, &options), OK);
     for (int v = ROOM_HEIGHT / 2 - 16; v < ROOM_HEIGHT / 2 + 16; v++)
         for (int u = ROOM_WIDTH / 2 - 12; u <= ROOM_WIDTH / 2 + 12; u++) {
             float ray[3];
@@ -376,10 +376,10 @@ static void count_seeds(const struct glass *g, int *behind, int *visible)
 {
     const struct surround_picture *p = &g->row[ROW / 2];
     const struct vec3 eye = p->world_from_camera.translation;
-    const struct depth_options how = depth_default_options();
+    const struct depth_options options = depth_default_options();
     struct depth_seeds seeds;
     *behind = *visible = 0;
-    assert_int_equal(depth_seeds_make(&seeds, p, &g->world, &how), OK);
+    assert_int_equal(depth_seeds_make(&seeds, p, &g->world, &options), OK);
     for (int i = 0; i < seeds.count; i++) {
         const float *ray = seeds.list[i].ray;
         const struct vec3 d = v3_unit(quat_rotate(p->world_from_camera.rotation, v3(ray[0], ray[1], ray[2])));
@@ -418,11 +418,11 @@ static void test_a_black_panorama(void **state)
     struct box_world world;
     struct pose start;
     struct simulated_rover rover;
-    struct rover_options how = rover_default_options();
-    how.panorama_height = 128;
-    how.view = view_lens;
+    struct rover_options options = rover_default_options();
+    options.panorama_height = 128;
+    options.view = view_lens;
     rover_stage_world(3, &world, &start);
-    assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
+    assert_int_equal(simulated_rover_open(&rover, &world, start, &options), OK);
     struct surroundings *r = &rover.surroundings;
     struct surround_picture black;
     struct depth_points none = {0};

@@ -23,7 +23,7 @@ static void test_lines_on_drawn_pictures(void **state)
     struct road_scene scene;
     struct surround_view view;
     const struct lens lens = road_view_lens(SHRINK);
-    const struct view_options how = view_default_options();
+    const struct view_options options = view_default_options();
     const size_t pixels = (size_t)lens.width * (size_t)lens.height;
     uint8_t *truth = malloc(pixels * 3);
     float *depth = malloc(pixels * sizeof *depth);
@@ -36,7 +36,7 @@ static void test_lines_on_drawn_pictures(void **state)
         for (int k = 0; k < ROAD_PANORAMAS; k++)
             order[k] = &scene.pictures[k];
         assert_int_equal(surround_view_rank(at, order, ROAD_PANORAMAS), OK);
-        assert_int_equal(surround_view_draw(&view, at, order, ROAD_PANORAMAS, &how), OK);
+        assert_int_equal(surround_view_draw(&view, at, order, ROAD_PANORAMAS, &options), OK);
         road_view_truth(&scene, &lens, at, truth, depth);
         road_find_lines(truth, &lens, at, real);
         road_find_lines(view.rgb, &lens, at, drawn);

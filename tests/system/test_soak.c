@@ -190,7 +190,7 @@ static void sum_up(struct soak *s, struct soak_run *b)
 // is drawn at the display's resolution, so that memory does not depend on the machine's load.
 static struct soak soak(const char *file, const char *camera, double seconds, bool reference)
 {
-    const struct viewer_options how = {
+    const struct viewer_options options = {
         .file = file, .camera = camera, .refresh_hz = 60, .fixed_resolution = !reference};
     struct soak_run b = {.latencies = malloc(sizeof *b.latencies * MAX_FRAMES),
                          .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
@@ -198,7 +198,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
     assert_non_null(b.latencies);
     EXPECT_STATUS(gpu_open(&b.gpu), OK);
     EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT), OK);
-    EXPECT_STATUS(viewer_open(&b.viewer, b.gpu, &how), OK);
+    EXPECT_STATUS(viewer_open(&b.viewer, b.gpu, &options), OK);
     b.surface = (struct viewer_surface){b.target, WIDTH, HEIGHT, 0, viewer_px_per_dp(149)};
     view_state_choose_take(&b.viewer.state, 0);
     int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9);
