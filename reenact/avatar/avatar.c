@@ -402,27 +402,6 @@ static void close_build(struct avatar_build *build)
     }
 }
 
-static bool needs_colors(enum avatar_step pass)
-{
-    return pass == AVATAR_ROTATION_SEED || pass == AVATAR_ROTATION_TRACK || pass == AVATAR_ROTATION_MEASURE ||
-           pass == AVATAR_COLOR_SAMPLES;
-}
-
-// NOTHING: the frame shows no actor, or lacks the colours that the pass needs.
-static enum status read_frame(struct avatar_build *build, struct frame_job *job, int i)
-{
-    const struct depth_frame *frame = &job->depth_frame;
-    const enum status status =
-        depth_frame_cache_read(build->frame_cache, i, &job->depth_frame, needs_colors(build->pass) ? job->rgb : NULL);
-    return status == OK && frame->right < frame->left ? NOTHING : status;
-}
-
-static bool measures_silhouettes(enum avatar_step pass)
-{
-    return pass == AVATAR_SILHOUETTES_FROM_JOINTS || pass == AVATAR_SILHOUETTES_ALIGNED ||
-           pass == AVATAR_SILHOUETTES_FINAL;
-}
-
 static double time_of(const struct avatar_build *build, int i)
 {
     return (double)(take_entry(build->take, build->avatar->frames[i])->time_ns - take_entry(build->take, 0)->time_ns) *
@@ -435,78 +414,178 @@ static struct axial_rotation_frame rotation_frame_of(const struct avatar_build *
     return (struct axial_rotation_frame){&job->depth_frame, job->rgb, &job->transforms, time_of(build, i)};
 }
 
-// Initial value of a frame's registration: the first pass uses the joints, whose errors differ from frame to frame; the
-// second the previous frame's corrections; later ones the frame's own.
+// ---------------------------------------------------------------- passes
+
+static void relabel_frame(struct avatar_build *build, struct frame_job *job)
+{
+    const struct skeleton better = bone_transforms_skeleton(&build->avatar->bind_pose, &job->transforms);
+    depth_frame_relabel(&job->depth_frame, &better);
+}
+
+static enum status measure_labels(struct avatar_build *build, struct frame_job *job, int i)
+{
+    (void)i;
+    relabel_frame(build, job);
+    return OK;
+}
+
+static enum status measure_silhouettes(struct avatar_build *build, struct frame_job *job, int i)
+{
+    (void)i;
+    job->gaps = (struct silhouette_gaps){0};
+    silhouette_measure(build->avatar->tsdf, take_calibration(build->take), &job->depth_frame, &job->transforms,
+                       &job->gaps);
+    return OK;
+}
+
+static enum status measure_seed(struct avatar_build *build, struct frame_job *job, int i)
+{
+    relabel_frame(build, job);
+    const struct axial_rotation_frame frame = rotation_frame_of(build, job, i);
+    axial_rotation_score_seed(build->rotations, i, &frame);
+    return OK;
+}
+
+static enum status measure_rotations(struct avatar_build *build, struct frame_job *job, int i)
+{
+    relabel_frame(build, job);
+    const struct axial_rotation_frame frame = rotation_frame_of(build, job, i);
+    axial_rotation_measure(build->rotations, i, &frame);
+    return OK;
+}
+
+static enum status measure_deformation(struct avatar_build *build, struct frame_job *job, int i)
+{
+    (void)i;
+    const struct avatar *avatar = build->avatar; // without background colours
+    const enum status status =
+        depth_frame_clean_colors(&job->depth_frame, take_calibration(build->take), job->rgb, job->rgb);
+    const struct deformation_model model = {avatar->tsdf, &avatar->surface, avatar->skins};
+    relabel_frame(build, job);
+    if (!build->simple)
+        deformation_fit(job->deformation, &model, &job->depth_frame, &job->transforms, NULL);
+    return status;
+}
+
+static enum status add_shape(struct avatar_build *build, const struct frame_job *job, int i)
+{
+    (void)i;
+    build->has_shown = true;
+    return tsdf_integrate(build->target, &job->depth_frame, &job->transforms);
+}
+
+static enum status add_registered_shape(struct avatar_build *build, const struct frame_job *job, int i)
+{
+    joint_noise_add(&build->joint_errors, &build->avatar->bind_pose, build->avatar->frame_corrections[i].bone,
+                    &job->uncertainty);
+    return add_shape(build, job, i);
+}
+
+static enum status add_silhouettes(struct avatar_build *build, const struct frame_job *job, int i)
+{
+    (void)i;
+    silhouette_gaps_add(&build->gaps, &job->gaps);
+    return OK;
+}
+
+static enum status add_to_track(struct avatar_build *build, const struct frame_job *job, int i)
+{
+    const struct axial_rotation_frame frame = rotation_frame_of(build, job, i);
+    axial_rotation_track(build->rotations, &frame);
+    return OK;
+}
+
+static enum status add_colors(struct avatar_build *build, const struct frame_job *job, int i)
+{
+    const struct vertex_color_frame frame = {&job->depth_frame,
+                                             job->rgb,
+                                             &job->transforms,
+                                             job->deformation,
+                                             take_entry(build->take, build->avatar->frames[i])->world_from_camera,
+                                             time_of(build, i)};
+    vertex_color_add(build->color_builder, &frame);
+    return OK;
+}
+
+// Where a frame's registration starts: at its joints, whose errors differ from frame to frame; at the previous frame's
+// corrections, so that frames are aligned in order; at its own corrections of a pass before.
+enum pass_start { START_AT_JOINTS, START_AT_PREVIOUS, START_AT_OWN };
+
+// What a pass does with a frame.
+static const struct pass {
+    enum pass_start start;
+    bool registers;      // to the shape so far, from that start; else the start is taken as it is
+    bool axial_fixed;    // when it registers: the axial rotations stay
+    bool uncertain;      // when it registers: its uncertainty is wanted
+    bool needs_colors;   // a frame that lacks them is skipped
+    bool in_track_order; // of axial_rotation_order, not of time
+    enum status (*measure)(struct avatar_build *build, struct frame_job *job, int i);   // on the frame alone
+    enum status (*add)(struct avatar_build *build, const struct frame_job *job, int i); // to the sums; NULL: nothing
+} passes[AVATAR_COLOR_SAMPLES + 1] = {
+    [AVATAR_TSDF_FROM_JOINTS] = {.start = START_AT_JOINTS, .measure = measure_labels, .add = add_shape},
+    [AVATAR_SILHOUETTES_FROM_JOINTS] = {.start = START_AT_OWN, .measure = measure_silhouettes, .add = add_silhouettes},
+    [AVATAR_TSDF_ALIGNED] = {.start = START_AT_PREVIOUS,
+                             .registers = true,
+                             .uncertain = true,
+                             .measure = measure_labels,
+                             .add = add_registered_shape},
+    [AVATAR_SILHOUETTES_ALIGNED] = {.start = START_AT_OWN, .measure = measure_silhouettes, .add = add_silhouettes},
+    [AVATAR_ROTATION_SEED] = {.start = START_AT_OWN, .needs_colors = true, .measure = measure_seed},
+    [AVATAR_ROTATION_TRACK] = {.start = START_AT_OWN,
+                               .needs_colors = true,
+                               .in_track_order = true,
+                               .measure = measure_labels,
+                               .add = add_to_track},
+    [AVATAR_ROTATION_MEASURE] = {.start = START_AT_OWN, .needs_colors = true, .measure = measure_rotations},
+    [AVATAR_TSDF_FINAL] =
+        {.start = START_AT_OWN, .registers = true, .axial_fixed = true, .measure = measure_labels, .add = add_shape},
+    [AVATAR_SILHOUETTES_FINAL] = {.start = START_AT_OWN, .measure = measure_silhouettes, .add = add_silhouettes},
+    [AVATAR_COLOR_SAMPLES] = {.start = START_AT_OWN,
+                              .needs_colors = true,
+                              .measure = measure_deformation,
+                              .add = add_colors},
+};
+
+// ---------------------------------------------------------------- a frame in a pass
+
+// NOTHING: the frame shows no actor, or lacks the colours that the pass needs.
+static enum status read_frame(struct avatar_build *build, struct frame_job *job, int i)
+{
+    const struct depth_frame *frame = &job->depth_frame;
+    uint8_t *rgb = passes[build->pass].needs_colors ? job->rgb : NULL;
+    const enum status status = depth_frame_cache_read(build->frame_cache, i, &job->depth_frame, rgb);
+    return status == OK && frame->right < frame->left ? NOTHING : status;
+}
+
 static struct bone_corrections initial_corrections(const struct avatar_build *build, int i)
 {
     const struct bone_corrections none = bone_corrections_identity(), *all = build->avatar->frame_corrections;
-    if (build->pass == AVATAR_TSDF_FROM_JOINTS || (build->pass == AVATAR_TSDF_ALIGNED && i == 0))
+    const enum pass_start start = passes[build->pass].start;
+    if (start == START_AT_JOINTS || (start == START_AT_PREVIOUS && i == 0))
         return none;
-    return build->pass == AVATAR_TSDF_ALIGNED ? bone_corrections_mix(&none, &all[i - 1], CORRECTION_DECAY) : all[i];
+    return start == START_AT_PREVIOUS ? bone_corrections_mix(&none, &all[i - 1], CORRECTION_DECAY) : all[i];
 }
 
-// Registers a frame to the shape so far, relabels it, and does what the pass measures on one frame alone.
+// Places a frame, registered to the shape so far where the pass does that, and measures it.
 static enum status align_frame(struct avatar_build *build, struct frame_job *job, int i)
 {
     struct avatar *avatar = build->avatar;
-    struct icp_input from = {.joint_errors = avatar->joint_errors,
-                             .start = initial_corrections(build, i),
-                             .axial_fixed = build->pass == AVATAR_TSDF_FINAL};
+    const struct pass *pass = &passes[build->pass];
+    struct icp_input from = {
+        .joint_errors = avatar->joint_errors, .start = initial_corrections(build, i), .axial_fixed = pass->axial_fixed};
     struct bone_corrections *corrections = &avatar->frame_corrections[i];
-    *corrections = build->pass == AVATAR_TSDF_ALIGNED && i > 0 ? avatar->frame_corrections[i - 1] : from.start;
+    *corrections = pass->start == START_AT_PREVIOUS && i > 0 ? avatar->frame_corrections[i - 1] : from.start;
     enum status status = job->status;
     if (status == OK)
         status = bone_transforms_of(&avatar->bind_pose, take_skeletons_at(build->skeletons, avatar->frames[i]),
                                     &from.joints);
     if (status != OK)
         return status;
-    if (build->pass == AVATAR_TSDF_ALIGNED || build->pass == AVATAR_TSDF_FINAL)
-        *corrections = articulated_icp(avatar->tsdf, &job->depth_frame, &from,
-                                       build->pass == AVATAR_TSDF_ALIGNED ? &job->uncertainty : NULL);
+    if (pass->registers)
+        *corrections =
+            articulated_icp(avatar->tsdf, &job->depth_frame, &from, pass->uncertain ? &job->uncertainty : NULL);
     job->transforms = bone_corrections_apply(&from.joints, corrections);
-    if (measures_silhouettes(build->pass)) {
-        job->gaps = (struct silhouette_gaps){0};
-        silhouette_measure(avatar->tsdf, take_calibration(build->take), &job->depth_frame, &job->transforms,
-                           &job->gaps);
-        return OK;
-    }
-    if (build->pass == AVATAR_COLOR_SAMPLES) // without background colours
-        status = depth_frame_clean_colors(&job->depth_frame, take_calibration(build->take), job->rgb, job->rgb);
-    struct skeleton better = bone_transforms_skeleton(&avatar->bind_pose, &job->transforms);
-    depth_frame_relabel(&job->depth_frame, &better);
-    const struct axial_rotation_frame frame = rotation_frame_of(build, job, i);
-    if (build->pass == AVATAR_ROTATION_SEED)
-        axial_rotation_score_seed(build->rotations, i, &frame);
-    if (build->pass == AVATAR_ROTATION_MEASURE)
-        axial_rotation_measure(build->rotations, i, &frame);
-    if (build->pass == AVATAR_COLOR_SAMPLES) {
-        const struct deformation_model model = {avatar->tsdf, &avatar->surface, avatar->skins};
-        if (!build->simple)
-            deformation_fit(job->deformation, &model, &job->depth_frame, &job->transforms, NULL);
-    }
-    return status;
-}
-
-static enum status integrate_frame(struct avatar_build *build, const struct frame_job *job, int i)
-{
-    const struct axial_rotation_frame frame = rotation_frame_of(build, job, i);
-    if (build->pass == AVATAR_TSDF_ALIGNED)
-        joint_noise_add(&build->joint_errors, &build->avatar->bind_pose, build->avatar->frame_corrections[i].bone,
-                        &job->uncertainty);
-    if (measures_silhouettes(build->pass))
-        silhouette_gaps_add(&build->gaps, &job->gaps);
-    else if (build->pass == AVATAR_ROTATION_TRACK)
-        axial_rotation_track(build->rotations, &frame);
-    else if (build->pass == AVATAR_COLOR_SAMPLES)
-        vertex_color_add(build->color_builder,
-                         &(struct vertex_color_frame){
-                             &job->depth_frame, job->rgb, &job->transforms, job->deformation,
-                             take_entry(build->take, build->avatar->frames[i])->world_from_camera, time_of(build, i)});
-    else if (build->target) {
-        build->has_shown = true;
-        return tsdf_integrate(build->target, &job->depth_frame, &job->transforms);
-    }
-    return OK;
+    return pass->measure(build, job, i);
 }
 
 // Stages that run at the same time share nothing that any of them changes.
@@ -514,13 +593,14 @@ static enum status do_stage(void *context, int stage, int item)
 {
     struct avatar_build *build = context;
     struct frame_job *job = &build->job[item % IN_FLIGHT];
-    const int i = build->pass == AVATAR_ROTATION_TRACK ? axial_rotation_order(build->rotations, item) : item;
+    const struct pass *pass = &passes[build->pass];
+    const int i = pass->in_track_order ? axial_rotation_order(build->rotations, item) : item;
     if (stage == READ)
         job->status = read_frame(build, job, i);
     else if (stage == ALIGN)
         job->status = align_frame(build, job, i);
-    else if (job->status == OK)
-        job->status = integrate_frame(build, job, i);
+    else if (job->status == OK && pass->add)
+        job->status = pass->add(build, job, i);
     return job->status;
 }
 
@@ -530,14 +610,14 @@ static bool report_pass_progress(void *context, double share)
     return progress_continue(build->watch, (build->pass + share) / (AVATAR_COLOR_SAMPLES + 1));
 }
 
-// NOTHING: the avatar is not wanted any more. AVATAR_TSDF_ALIGNED starts each frame from the previous one, in order.
+// NOTHING: the avatar is not wanted any more.
 static enum status run_pass(struct avatar *avatar, struct avatar_build *build, enum avatar_step pass)
 {
     const struct pipeline pipeline = {
         .items = avatar->frame_count,
         .stages = STAGES,
         .in_flight = IN_FLIGHT,
-        .in_order = {[READ] = true, [ALIGN] = pass == AVATAR_TSDF_ALIGNED, [INTEGRATE] = true},
+        .in_order = {[READ] = true, [ALIGN] = passes[pass].start == START_AT_PREVIOUS, [INTEGRATE] = true},
         .work = do_stage,
         .on_progress = report_pass_progress,
         .context = build};
