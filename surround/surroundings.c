@@ -13,17 +13,17 @@
 
 enum status surface_points_gather(struct surface_points *s, const struct voxel_map *map)
 {
-    if (map->used + 1 > s->room) {
-        const size_t room = map->used + map->used / 4 + 1;
-        float(*xyz)[3] = realloc(s->xyz, room * sizeof *xyz);
+    if (map->used + 1 > s->capacity) {
+        const size_t capacity = map->used + map->used / 4 + 1;
+        float(*xyz)[3] = realloc(s->xyz, capacity * sizeof *xyz);
         if (xyz)
             s->xyz = xyz;
-        float *weights = realloc(s->weights, room * sizeof *weights);
+        float *weights = realloc(s->weights, capacity * sizeof *weights);
         if (weights)
             s->weights = weights;
         if (!xyz || !weights)
             return fail(ERR_MEMORY, "no memory for the points of a surface");
-        s->room = room;
+        s->capacity = capacity;
     }
     s->count = 0;
     for (size_t i = 0; i < map->size; i++)
@@ -416,27 +416,27 @@ static enum status read_depth(const struct surroundings *surroundings, int captu
 
 static enum status grow_arrays(struct surroundings *surroundings)
 {
-    if (surroundings->taken < surroundings->room)
+    if (surroundings->taken < surroundings->capacity)
         return OK;
-    const size_t room = (size_t)surroundings->room * 2 + 16;
-    struct surround_picture *pictures = realloc(surroundings->pictures, room * sizeof *pictures);
+    const size_t capacity = (size_t)surroundings->capacity * 2 + 16;
+    struct surround_picture *pictures = realloc(surroundings->pictures, capacity * sizeof *pictures);
     if (pictures)
         surroundings->pictures = pictures;
-    struct pose *poses = realloc(surroundings->poses, room * sizeof *poses);
+    struct pose *poses = realloc(surroundings->poses, capacity * sizeof *poses);
     if (poses)
         surroundings->poses = poses;
-    bool *stale = realloc(surroundings->stale, room * sizeof *stale);
+    bool *stale = realloc(surroundings->stale, capacity * sizeof *stale);
     if (stale)
         surroundings->stale = stale;
-    bool *blank = realloc(surroundings->blank, room * sizeof *blank);
+    bool *blank = realloc(surroundings->blank, capacity * sizeof *blank);
     if (blank)
         surroundings->blank = blank;
-    const struct surround_picture **nearest = realloc(surroundings->nearest, room * sizeof *nearest);
+    const struct surround_picture **nearest = realloc(surroundings->nearest, capacity * sizeof *nearest);
     if (nearest)
         surroundings->nearest = nearest;
     if (!pictures || !poses || !stale || !blank || !nearest)
         return fail(ERR_MEMORY, "no memory for the surroundings");
-    surroundings->room = (int)room;
+    surroundings->capacity = (int)capacity;
     return OK;
 }
 

@@ -20,12 +20,12 @@ struct surface_points {
     float (*xyz)[3];
     float *weights; // of each point; of 1 mm standard deviation: 1
     int count;
-    size_t room;
+    size_t capacity;
 };
 
 // Replaces what is in *s. ERR_MEMORY.
 MUST_CHECK enum status surface_points_gather(struct surface_points *s, const struct voxel_map *map);
-void surface_points_free(struct surface_points *points); // what was zeroed, too
+void surface_points_free(struct surface_points *points); // a zeroed one is fine
 struct world_points surface_points_world(const struct surface_points *points);
 
 // ---------------------------------------------------------------- photo refinement
@@ -56,7 +56,7 @@ struct photo_refinement {
     int reference_count, point_count;
 };
 
-void photo_refinement_free(struct photo_refinement *refinement); // what was zeroed, too
+void photo_refinement_free(struct photo_refinement *refinement); // a zeroed one is fine
 
 // depth_alignment_add, with the picture's evidence beside the planes'. The same statuses.
 MUST_CHECK enum status photo_alignment_add(struct photo_refinement *r, struct depth_alignment *alignment,
@@ -89,7 +89,7 @@ struct surroundings {
     struct pose *poses;                // world_from_body (robot) or world_from_camera (vehicle) of each
     bool *stale;                       // the depth is to be made
     bool *blank;                       // a picture without light (its lens was covered): not used
-    int taken, room, unplaced;         // captures; allocated; those that did not fit and have the odometry's pose
+    int taken, capacity, unplaced;     // captures; allocated; those that did not fit and have the odometry's pose
     int next;                          // the set's next capture
     struct surface_points surface;     // robot: means of the alignment's voxels
     struct point_colors colors;        // vehicle: of the points
@@ -118,7 +118,7 @@ MUST_CHECK enum status surroundings_open(struct surroundings *s, const char *fol
 MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surroundings_kind kind,
                                               const struct lens *view, struct pose body_from_panorama,
                                               const struct surroundings_options *options);
-void surroundings_close(struct surroundings *surroundings); // what was zeroed, too
+void surroundings_close(struct surroundings *surroundings); // a zeroed one is fine
 // Where a robot's panoramas are taken from, where that was not known when it was opened; before the first capture.
 void surroundings_place_panorama(struct surroundings *surroundings, struct pose body_from_panorama);
 

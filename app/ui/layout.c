@@ -11,9 +11,9 @@ double layout_sources_height(void) { return 4 * 28 + 24; }
 
 double sheet_buttons_height(int rows) { return TEXT_SIZE_NAME + rows * (TARGET + GAP); }
 
-double sheet_rows_height(int rows) { return rows * SWITCH + sheet_buttons_height(1); }
+double sheet_rows_height(int rows) { return rows * SHEET_ROW + sheet_buttons_height(1); }
 
-double sheet_height_of(int rows) { return HEADING + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
+double sheet_height_of(int rows) { return SHEET_TITLE + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
 
 static double sheet_height(const struct view_state *state, double width)
 {
@@ -24,7 +24,7 @@ static double sheet_height(const struct view_state *state, double width)
     case SHEET_LAYERS:
         return sheet_height_of(LAYER_ROWS + (state->developer ? DEVELOPER_ROWS : 0)) +
                (state->orbiting ? sheet_buttons_height(sides) : 0);
-    case SHEET_SPEED: return HEADING + GAP + 2 * SHEET_EDGE + 2 * SWITCH + GAP;
+    case SHEET_SPEED: return SHEET_TITLE + GAP + 2 * SHEET_EDGE + 2 * SHEET_ROW + GAP;
     default: return 0;
     }
 }

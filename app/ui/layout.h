@@ -2,7 +2,7 @@
 #pragma once
 #include "app/view/take_view.h"
 
-static const double HEADING = 58, SWITCH = 58; // heights in a sheet: its title, a row
+static const double SHEET_TITLE = 58, SHEET_ROW = 58; // heights in a sheet: its title, a row
 static const double SHEET_EDGE = 12, TEXT_SIZE_NAME = 34;
 static const double PLAY = 74;                              // side of the play button
 enum { LAYER_ROWS = 4, DEVELOPER_ROWS = 3, LIVE_ROWS = 7 }; // of the sheets

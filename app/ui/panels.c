@@ -159,7 +159,7 @@ static struct ui_box sheet_frame(const struct brush *brush, struct view_state *s
                                  struct ui_box box)
 {
     panel(brush, box, false);
-    struct ui_box in = inner(box, SHEET_EDGE), head = cut_top(&in, HEADING);
+    struct ui_box in = inner(box, SHEET_EDGE), head = cut_top(&in, SHEET_TITLE);
     if (icon_button(brush, "sheet-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_PLAIN,
                     cut_right(&head, TARGET)))
         state->sheet = SHEET_NONE;
@@ -176,7 +176,7 @@ static void rows_draw(const struct brush *brush, struct screens *screens, struct
     const double first_h = group_height(brush, &first, in.w),
                  content_h = sheet_rows_height(count + developer) + first_h;
     struct scroll *scroll = &screens->sheet;
-    scroll->at += state->list_steps * SWITCH;
+    scroll->at += state->list_steps * SHEET_ROW;
     state->list_steps = 0;
     const struct brush inside = scroll_begin(brush, scroll, &in, content_h);
     double y = in.y - scroll->at;
@@ -184,17 +184,17 @@ static void rows_draw(const struct brush *brush, struct screens *screens, struct
     if (first.count)
         group_draw(&inside, state, &first, (struct ui_box){in.x, y, in.w, first_h}, now_ns);
     y += first_h;
-    for (int i = 0; i < count; i++, y += SWITCH) {
+    for (int i = 0; i < count; i++, y += SHEET_ROW) {
         if (switch_row(&inside, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
-                       (struct ui_box){in.x, y, in.w - 6, SWITCH}))
+                       (struct ui_box){in.x, y, in.w - 6, SHEET_ROW}))
             view_state_do(state, rows[i].action, now_ns);
-        more += y + SWITCH > in.y + in.h + 1;
+        more += y + SHEET_ROW > in.y + in.h + 1;
     }
-    y += text_size_row(&inside, state, (struct ui_box){in.x, y, in.w, SWITCH}, now_ns);
+    y += text_size_row(&inside, state, (struct ui_box){in.x, y, in.w, SHEET_ROW}, now_ns);
     more += y > in.y + in.h + 1;
     if (developer) {
         error_row(&inside, state, (struct ui_box){in.x, y + GAP, in.w - 6, TARGET});
-        more += y + SWITCH > in.y + in.h + 1;
+        more += y + SHEET_ROW > in.y + in.h + 1;
     }
     scroll_end(brush, scroll, more);
 }
@@ -243,7 +243,7 @@ static void speed_sheet(const struct brush *brush, struct view_state *state, str
         snprintf(text, sizeof text, "%g×", view_speeds[i]);
         snprintf(name, sizeof name, "speed-%d", i);
         const bool on = fabs(state->playback.speed - view_speeds[i]) < 0.01;
-        const struct ui_box key = {in.x + (i % 4) * (w + GAP), in.y + (i / 4) * (SWITCH + GAP), w, SWITCH};
+        const struct ui_box key = {in.x + (i % 4) * (w + GAP), in.y + (i / 4) * (SHEET_ROW + GAP), w, SHEET_ROW};
         if (text_button(brush, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, key))
             view_state_set_speed(state, view_speeds[i], now_ns);
     }

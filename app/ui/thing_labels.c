@@ -126,14 +126,15 @@ static void filter_field(const struct brush *brush, const struct view_state *sta
 static void find_sheet(const struct brush *brush, struct room_ui *ui, struct view_state *state,
                        const struct room_page *page, struct ui_box box, struct vec3 eye, int64_t now_ns)
 {
-    struct ui_box in = inner(box, PAD), head = cut_top(&in, HEADING);
+    struct ui_box in = inner(box, PAD), head = cut_top(&in, SHEET_TITLE);
     if (icon_button(brush, "things-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
                     cut_right(&head, TARGET)))
         view_state_do(state, DO_THINGS, now_ns);
     label(brush, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w - 6, head.h}, brush->theme->text,
           "Find a thing");
     filter_field(brush, state, cut_top(&in, 48));
-    if (switch_row(brush, "sheet-names", ICON_TAG, "Names in the picture", state->room.names, cut_bottom(&in, SWITCH)))
+    if (switch_row(brush, "sheet-names", ICON_TAG, "Names in the picture", state->room.names,
+                   cut_bottom(&in, SHEET_ROW)))
         view_state_do(state, DO_NAMES, now_ns);
     int rows = 0, first = -1, more = 0;
     for (int i = 0; i < page->count; i++)

@@ -31,13 +31,13 @@ uint32_t database_number_at(const uint8_t *at)
 
 bool overlay_add(struct page_overlay *overlay, uint32_t number, int64_t at)
 {
-    if (overlay->count == overlay->room) {
-        const size_t room = overlay->room ? overlay->room * 2 : 64;
-        struct overlay_page *grown = realloc(overlay->pages, room * sizeof *grown);
+    if (overlay->count == overlay->capacity) {
+        const size_t capacity = overlay->capacity ? overlay->capacity * 2 : 64;
+        struct overlay_page *grown = realloc(overlay->pages, capacity * sizeof *grown);
         if (!grown)
             return false;
         overlay->pages = grown;
-        overlay->room = room;
+        overlay->capacity = capacity;
     }
     overlay->pages[overlay->count++] = (struct overlay_page){number, at};
     return true;

@@ -31,7 +31,7 @@ struct page_overlay {
         uint32_t number; // from 1
         int64_t at;      // of its bytes, in the file beside
     } * pages;
-    size_t count, room;
+    size_t count, capacity;
 };
 
 // What a file beside a database is to it.

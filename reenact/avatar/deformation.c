@@ -254,19 +254,19 @@ static void deformation_solve(struct deformation *deformation)
     double size = sum_lanes(&sizes);
     for (int step = 0; step < STEPS && size > 0; step++) {
         multiply_normal_matrix(deformation, d, q);
-        four_doubles curves = {0}, nexts = {0};
+        four_doubles curvature = {0}, nexts = {0};
         for (int i = 0; i < count; i++)
-            curves += __builtin_convertvector(d[i] * q[i], four_doubles);
-        float go = (float)(size / sum_lanes(&curves));
+            curvature += __builtin_convertvector(d[i] * q[i], four_doubles);
+        float alpha = (float)(size / sum_lanes(&curvature));
         for (int i = 0; i < count; i++) {
-            x[i] += go * d[i];
-            r[i] -= go * q[i];
+            x[i] += alpha * d[i];
+            r[i] -= alpha * q[i];
             nexts += __builtin_convertvector(r[i] * r[i] / scale[i], four_doubles);
         }
         double next = sum_lanes(&nexts);
-        float back = (float)(next / size);
+        float beta = (float)(next / size);
         for (int i = 0; i < count; i++)
-            d[i] = r[i] / scale[i] + back * d[i];
+            d[i] = r[i] / scale[i] + beta * d[i];
         size = next;
     }
 }

@@ -22,7 +22,7 @@ struct builder {
     double (*sum)[10];     // of each vertex: point, normal, colour, count
     int vertex_count;
     uint32_t *corners;
-    int corner_count, corner_room;
+    int corner_count, corner_capacity;
     bool full, failed;
     // of one view
     struct vec3 *points; // world; NaN: none
@@ -113,14 +113,14 @@ static void add_triangle(struct builder *builder, struct vec3 eye, const int cor
     }
     if (of[0] == of[1] || of[1] == of[2] || of[2] == of[0])
         return;
-    if (builder->corner_count + 3 > builder->corner_room) {
-        const int room = builder->corner_room ? 2 * builder->corner_room : 1 << 16;
-        uint32_t *grown = realloc(builder->corners, sizeof *grown * (size_t)room);
+    if (builder->corner_count + 3 > builder->corner_capacity) {
+        const int capacity = builder->corner_capacity ? 2 * builder->corner_capacity : 1 << 16;
+        uint32_t *grown = realloc(builder->corners, sizeof *grown * (size_t)capacity);
         builder->failed |= !grown;
         if (!grown)
             return;
         builder->corners = grown;
-        builder->corner_room = room;
+        builder->corner_capacity = capacity;
     }
     int first = 0; // the lowest number first
     for (int k = 1; k < 3; k++)

@@ -37,17 +37,17 @@ enum status depth_points_add(struct depth_points *points, const uint16_t *depth,
                              struct pose body_from_camera, int step)
 {
     const int more = ((lens->width + step - 1) / step) * ((lens->height + step - 1) / step);
-    if (points->count + more > points->room) {
-        const int room = points->count + more;
-        float(*xyz)[3] = realloc(points->xyz, (size_t)room * sizeof *xyz);
+    if (points->count + more > points->capacity) {
+        const int capacity = points->count + more;
+        float(*xyz)[3] = realloc(points->xyz, (size_t)capacity * sizeof *xyz);
         if (xyz)
             points->xyz = xyz;
-        float *sigma = realloc(points->sigma, (size_t)room * sizeof *sigma);
+        float *sigma = realloc(points->sigma, (size_t)capacity * sizeof *sigma);
         if (sigma)
             points->sigma = sigma;
         if (!xyz || !sigma)
             return fail(ERR_MEMORY, "no memory for the points of a capture");
-        points->room = room;
+        points->capacity = capacity;
     }
     double m[3][3];
     quat_to_matrix(body_from_camera.rotation, m);

@@ -48,14 +48,14 @@ struct pose_evidence {
 struct depth_points {
     float (*xyz)[3]; // metres
     float *sigma;    // metres
-    int count, room;
+    int count, capacity;
 };
 
 // Appends the points of a depth picture (millimetres, 0 = no reading), every `step`-th row and column. ERR_MEMORY: as
 // before.
 MUST_CHECK enum status depth_points_add(struct depth_points *points, const uint16_t *depth, const struct lens *lens,
                                         struct pose body_from_camera, int step);
-void depth_points_free(struct depth_points *points); // what was zeroed, too
+void depth_points_free(struct depth_points *points); // a zeroed one is fine
 
 // ---------------------------------------------------------------- voxel map
 
@@ -119,7 +119,7 @@ struct search_grid {
     uint8_t *levels[SEARCH_LEVELS + 1];
 };
 MUST_CHECK enum status search_grid_make(struct search_grid *grid, const double low[2], const double high[2]);
-void search_grid_free(struct search_grid *grid); // what was zeroed, too
+void search_grid_free(struct search_grid *grid); // a zeroed one is fine
 void search_grid_mark(struct search_grid *grid, double x, double y);
 void search_grid_finish(struct search_grid *grid); // after the last mark
 
@@ -143,7 +143,7 @@ struct depth_alignment {
 
 // surface_m: side of the voxels that all points are averaged in. ERR_MEMORY.
 MUST_CHECK enum status depth_alignment_open(struct depth_alignment *a, double surface_m);
-void depth_alignment_close(struct depth_alignment *alignment); // what was zeroed, too
+void depth_alignment_close(struct depth_alignment *alignment); // a zeroed one is fine
 
 // Aligns and adds a capture. *world_from_body: where it was. NOTHING: the points do not fit the earlier ones, not even
 // after the widened search; then *world_from_body is the odometry's, and the points are not added. ERR_MEMORY.

@@ -210,12 +210,12 @@ enum status point_colors_make(struct point_colors *colors, const struct world_po
                               const struct surround_picture *pictures, int count)
 {
     const size_t wanted = (size_t)points->count;
-    if (wanted + 1 > colors->room) {
+    if (wanted + 1 > colors->capacity) {
         uint8_t(*rgb)[4] = realloc(colors->rgb, (wanted + wanted / 4 + 1) * sizeof *rgb);
         if (!rgb)
             return fail(ERR_MEMORY, "no memory for the points' colours");
         colors->rgb = rgb;
-        colors->room = wanted + wanted / 4 + 1;
+        colors->capacity = wanted + wanted / 4 + 1;
     }
     float *nearest = malloc(((size_t)count * CELLS_ACROSS * CELLS_DOWN + 1) * sizeof *nearest);
     if (!nearest)

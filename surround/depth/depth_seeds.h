@@ -23,13 +23,13 @@ MUST_CHECK enum status watershed_grow(const struct surround_picture *p, int reac
 
 struct point_colors {
     uint8_t (*rgb)[4]; // the fourth: 255 where the pictures agree, 0 where nothing is known
-    size_t room;
+    size_t capacity;
 };
 
 // Replaces what is in *colors. The pictures are placed; their gains are used. ERR_MEMORY.
 MUST_CHECK enum status point_colors_make(struct point_colors *colors, const struct world_points *points,
                                          const struct surround_picture *pictures, int count);
-void point_colors_free(struct point_colors *colors); // what was zeroed, too
+void point_colors_free(struct point_colors *colors); // a zeroed one is fine
 
 // ---------------------------------------------------------------- depth seeds
 
@@ -54,4 +54,4 @@ struct depth_seeds {
 // The nearest point of each pixel, with the planes fitted and the hidden marked. ERR_MEMORY.
 MUST_CHECK enum status depth_seeds_make(struct depth_seeds *s, const struct surround_picture *p,
                                         const struct world_points *points, const struct depth_options *options);
-void depth_seeds_free(struct depth_seeds *seeds); // what was zeroed, too
+void depth_seeds_free(struct depth_seeds *seeds); // a zeroed one is fine

@@ -56,7 +56,7 @@ struct drive_session {
 // ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.
 MUST_CHECK enum status drive_session_open(struct drive_session *s, const char *uri,
                                           const struct drive_options *options);
-void drive_session_close(struct drive_session *session); // what was zeroed, too
+void drive_session_close(struct drive_session *session); // a zeroed one is fine
 
 // Moves on to `now_ns` (session time, rising). command: what the operator sends at this moment; NULL: nothing. What was
 // sent before moves the simulated robot until then, for as long as its watchdog lets it (patience_s).

@@ -39,7 +39,7 @@ struct ros_rover {
 // surround_rig_read's.
 MUST_CHECK enum status ros_rover_open(struct ros_rover *r, const char *master, const char *const *remap,
                                       const char *calibration, double patience_s);
-void ros_rover_close(struct ros_rover *rover); // what was zeroed, too. The robot is sent a stop
+void ros_rover_close(struct ros_rover *rover); // a zeroed one is fine. The robot is sent a stop
 
 // Takes what has arrived and sends a command; NULL: none, after which a robot with a watchdog stops. ERR_INPUT: an
 // image is not of the calibration's size, or for ten seconds nothing has said where a camera is. ERR_IO, ERR_MEMORY.

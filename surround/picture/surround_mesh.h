@@ -31,7 +31,7 @@ float surround_mesh_tolerance(const struct surround_picture *picture);
 
 // Of a picture with depth. tolerance: share of a pixel's distance. ERR_MEMORY: *m is empty.
 MUST_CHECK enum status surround_mesh_make(struct surround_mesh *m, const struct surround_picture *p, float tolerance);
-void surround_mesh_free(struct surround_mesh *mesh); // what was zeroed, too
+void surround_mesh_free(struct surround_mesh *mesh); // a zeroed one is fine
 
 // The same, kept with the picture in place of the one that is there; on a thread that has time for it, so that drawing
 // need not make it. ERR_MEMORY: it has none.

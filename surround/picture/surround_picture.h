@@ -43,7 +43,7 @@ MUST_CHECK enum status surround_picture_make(struct surround_picture *p, uint8_t
 // The image that an ideal lens of the same size and focal length would have taken: rgb as `lens` took it, in place of
 // which the result is written; lens loses its distortion. ERR_MEMORY.
 MUST_CHECK enum status surround_image_undistort(uint8_t *rgb, struct lens *lens);
-void surround_picture_free(struct surround_picture *picture); // what was zeroed, too
+void surround_picture_free(struct surround_picture *picture); // a zeroed one is fine
 
 void surround_picture_place(struct surround_picture *picture, struct pose world_from_camera);
 

@@ -74,7 +74,7 @@ struct surround_set {
 
 // ERR_MISSING, ERR_IO, ERR_INPUT, ERR_CORRUPT, ERR_MEMORY. On failure *out is as surround_set_free leaves it.
 MUST_CHECK enum status surround_set_read(struct surround_set *out, const char *folder);
-void surround_set_free(struct surround_set *set); // what was zeroed, too
+void surround_set_free(struct surround_set *set); // a zeroed one is fine
 
 // A robot's calibration.json alone: lenses, places of the cameras, the body's size. Statuses as above. Without
 // `body_from_camera` a camera is at the body's origin, looking up, and not `placed`.

@@ -31,7 +31,7 @@ struct surround_view {
 
 // ERR_MEMORY.
 MUST_CHECK enum status surround_view_open(struct surround_view *view, const struct lens *lens);
-void surround_view_close(struct surround_view *view); // what was zeroed, too
+void surround_view_close(struct surround_view *view); // a zeroed one is fine
 
 // How near a picture is to the view or to what it looks at, a few metres ahead, in metres; one that looks elsewhere is
 // as far as a metre for each right angle.

@@ -27,24 +27,24 @@ void exposure_free(struct exposure *exposure)
 
 static enum status grow_exposure(struct exposure *exposure, int pictures)
 {
-    if (pictures > exposure->picture_room) {
-        const int room = pictures * 2 + 16;
-        double(*gains)[3] = realloc(exposure->log_gain, (size_t)room * sizeof *gains);
+    if (pictures > exposure->picture_capacity) {
+        const int capacity = pictures * 2 + 16;
+        double(*gains)[3] = realloc(exposure->log_gain, (size_t)capacity * sizeof *gains);
         if (!gains)
             return fail(ERR_MEMORY, "no memory for exposure");
         exposure->log_gain = gains;
-        exposure->picture_room = room;
+        exposure->picture_capacity = capacity;
     }
     for (; exposure->picture_count < pictures; exposure->picture_count++)
         for (int c = 0; c < 3; c++)
             exposure->log_gain[exposure->picture_count][c] = 0;
-    if (exposure->pair_count + COMPARED > exposure->pair_room) {
-        const int room = exposure->pair_room * 2 + 64;
-        struct exposure_pair *pairs = realloc(exposure->pairs, (size_t)room * sizeof *pairs);
+    if (exposure->pair_count + COMPARED > exposure->pair_capacity) {
+        const int capacity = exposure->pair_capacity * 2 + 64;
+        struct exposure_pair *pairs = realloc(exposure->pairs, (size_t)capacity * sizeof *pairs);
         if (!pairs)
             return fail(ERR_MEMORY, "no memory for exposure");
         exposure->pairs = pairs;
-        exposure->pair_room = room;
+        exposure->pair_capacity = capacity;
     }
     return OK;
 }

@@ -14,12 +14,12 @@ struct exposure_pair {
 
 struct exposure {
     struct exposure_pair *pairs; // each two once
-    int pair_count, pair_room;
+    int pair_count, pair_capacity;
     double (*log_gain)[3]; // of each picture
-    int picture_count, picture_room;
+    int picture_count, picture_capacity;
 };
 
-void exposure_free(struct exposure *exposure); // what was zeroed, too
+void exposure_free(struct exposure *exposure); // a zeroed one is fine
 
 // Sets the gains of all pictures of `all` that have been met; `some` of them, which have depth and are sorted by
 // nearness, may be new: each is compared with the nearest four others, once. ERR_MEMORY.

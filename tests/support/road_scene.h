@@ -18,7 +18,7 @@ struct road_scene {
 
 // seed: of the scanners' noise (1 cm). Makes the pictures' dense depth. ERR_MEMORY.
 MUST_CHECK enum status road_scene_make(struct road_scene *s, uint32_t seed);
-void road_scene_free(struct road_scene *s); // what was zeroed, too
+void road_scene_free(struct road_scene *s); // a zeroed one is fine
 
 // Virtual cameras beside and below the panoramas' way, as in paper 003, table 2: 640 x 512 pixels, 67 degrees, divided
 // by `shrink`; number from 0.
