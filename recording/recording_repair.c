@@ -6,7 +6,6 @@
 #include "platform/files/jpeg.h"
 #include "recording/depth_codec.h"
 #include "recording/little_endian.h"
-#include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"
 #include "recording/recording_reader.h"
 #include "recording/recording_schema.h"

@@ -66,7 +66,7 @@ extern const char *const recording_tables; // CREATE TABLE ...
 #define VERDICT_TABLE                                                                                                  \
     "CREATE TABLE IF NOT EXISTS verdict(id INTEGER PRIMARY KEY, purpose INTEGER, seen INTEGER, spoilt INTEGER,"        \
     " index_crc INTEGER, lines TEXT, crc INTEGER);"
-// Things and what is known of them (recorded_things.c), and where a robot was driven (recorded_drive.c); made when
+// Things and what is known of them (recorded_things.c), and where a robot was driven (recorded_things.c); made when
 // there are such.
 #define THING_TABLES                                                                                                   \
     "CREATE TABLE IF NOT EXISTS thing(id INTEGER PRIMARY KEY, name TEXT, url TEXT, etag TEXT, note TEXT, "             \

@@ -1,6 +1,5 @@
 // Verifies a recording: its structure, counts, checksums, images, order of times and ranges.
 #include "base/text.h"
-#include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"
 #include "recording/recorded_verdict.h"
 #include "recording/recording_reader.h"

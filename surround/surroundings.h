@@ -23,11 +23,6 @@ struct surface_points {
     size_t capacity;
 };
 
-// Replaces what is in *s. ERR_MEMORY.
-MUST_CHECK enum status surface_points_gather(struct surface_points *s, const struct voxel_map *map);
-void surface_points_free(struct surface_points *points); // a zeroed one is fine
-struct world_points surface_points_world(const struct surface_points *points);
-
 // ---------------------------------------------------------------- photo refinement
 
 // Direct photometric evidence of a robot's pose: the points of a capture's depth have in its own picture the colour
@@ -122,7 +117,7 @@ void surroundings_close(struct surroundings *surroundings); // a zeroed one is f
 // Where a robot's panoramas are taken from, where that was not known when it was opened; before the first capture.
 void surroundings_place_panorama(struct surroundings *surroundings, struct pose body_from_panorama);
 
-// From now on a robot's captures are aligned and given depth on threads of their own (capture_thread.h):
+// From now on a robot's captures are aligned and given depth on threads of their own (surroundings.c):
 // surroundings_take returns immediately, surroundings_draw uses what is ready. ERR_MEMORY.
 MUST_CHECK enum status surroundings_start_threads(struct surroundings *s);
 

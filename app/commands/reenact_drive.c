@@ -11,7 +11,7 @@
 #include "platform/files/png.h"
 #include "platform/screen/window.h"
 #include "recording/place.h"
-#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
 #include "recording/recording.h"
 #include "surround/drive/drive_session.h"
 #include "surround/drive/robot_motion.h"

@@ -6,7 +6,7 @@
 #include "app/ui/layout.h"
 #include "app/ui/thing_labels.h"
 #include "recording/place.h"
-#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
 
 enum { ROOM_LABELS_MAX = 64 }; // things with a label; all are in the sheet
 

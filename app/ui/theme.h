@@ -3,6 +3,43 @@
 #pragma once
 #include "platform/screen/ui.h"
 
+// ---------------------------------------------------------------- icons
+
+// The app's icons, drawn as strokes on a grid of 24 by 24.
+
+enum icon {
+    ICON_PLAY,
+    ICON_PAUSE,
+    ICON_STEP_BACK,
+    ICON_STEP_ON,
+    ICON_LOOP,
+    ICON_MIRROR,
+    ICON_LAYERS,
+    ICON_PHOTO,
+    ICON_ORBIT,
+    ICON_CAMERA,
+    ICON_MOVE,
+    ICON_BACK,
+    ICON_CLOSE,
+    ICON_SUN,
+    ICON_MOON,
+    ICON_CHECK,
+    ICON_TAG,
+    ICON_WARNING,
+    ICON_BONES,
+    ICON_DROPS,
+    ICON_INSET,
+    ICON_BARS,
+    ICON_MAP,
+    ICON_FIND,
+    ICON_ROOM,
+};
+
+// size: of the icon's side, dp.
+void icon_draw(struct ui *ui, enum icon icon, struct ui_point centre, double size, uint32_t color);
+
+// ---------------------------------------------------------------- theme
+
 // TINY: words under icons. CUE: what is read from three metres; ASCII and the degree sign alone.
 enum face { FACE_TINY, FACE_SMALL, FACE_BODY, FACE_STRONG, FACE_HEAD, FACE_TITLE, FACE_CUE, FACE_COUNT_IN, FACE_COUNT };
 extern const struct ui_face *theme_faces(void); // FACE_COUNT of them

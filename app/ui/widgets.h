@@ -1,6 +1,5 @@
 // The app's controls. Each is drawn and returns what was done to it; buttons are large enough for a finger.
 #pragma once
-#include "app/ui/icons.h"
 #include "app/ui/theme.h"
 
 // What scrolls, between frames; zeroed at first. Dragging anywhere in it scrolls, also over the controls inside, which

@@ -5,7 +5,7 @@
 #include "app/place/place_things.h"
 #include "app/place/room_worker.h"
 #include "app/ui/room_page.h"
-#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
 
 // ---------------------------------------------------------------- room things
 

@@ -1,7 +1,7 @@
 #include "reenact/avatar/articulated_icp.h"
 
 #include "base/linear_algebra.h"
-#include "reenact/avatar/silhouette_constraint.h"
+#include "reenact/avatar/deformation.h"
 
 #include <string.h>
 

@@ -4,7 +4,7 @@
 // Method: Gauss-Newton with Geman-McClure weights, eight iterations, on one sum of squares without unit (each residual
 // divided by its standard deviation):
 //   depth       point to TSDF, along its gradient (as point-to-plane ICP);
-//   silhouette  viewing rays along the silhouette touch the shape (silhouette_constraint.h);
+//   silhouette  viewing rays along the silhouette touch the shape (deformation.h);
 //   links       the two sides of a joint are as far apart as the skeleton has them;
 //   priors      the joints' transforms, within joint_errors; the start's; axial rotation from colours, if given.
 // Unknowns, six to a bone: translation x, y, z (metres), then rotation vector x, y, z (radians), both in the colour

@@ -6,7 +6,6 @@
 #include "recording/prepared.h"
 #include "reenact/avatar/axial_rotation.h"
 #include "reenact/avatar/deformation.h"
-#include "reenact/avatar/silhouette_constraint.h"
 #include "reenact/avatar/tsdf.h"
 #include "reenact/observation/depth_frame.h"
 #include "reenact/skeleton/skeleton_track.h"

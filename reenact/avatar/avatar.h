@@ -1,7 +1,7 @@
 // The avatar: the actor of one take as one model, fused from the depth and colours of the whole take: a closed surface
 // in the bind pose with skin weights, vertex colours and a texture, and for each used frame the corrections of its
 // joints. The pipeline, which passes over the frames several times (enum avatar_step):
-//   three rounds of TSDF fusion (tsdf.h) and of matching the silhouettes (silhouette_constraint.h), frames placed by
+//   three rounds of TSDF fusion (tsdf.h) and of matching the silhouettes (deformation.h), frames placed by
 //   their joints at first, then registered (articulated_icp.h), then registered with axial rotations from colours
 //   (axial_rotation.h);
 //   then vertex colours (vertex_color.h), each frame deformed to fit (deformation.h), and the atlas (texture_atlas.h).

@@ -2,7 +2,7 @@
 
 #include "base/linear_algebra.h"
 #include "base/threads.h"
-#include "reenact/avatar/color_inpainting.h"
+#include "reenact/avatar/texture_atlas.h"
 #include "reenact/observation/depth_frame.h"
 
 #include <math.h>

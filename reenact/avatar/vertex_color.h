@@ -1,7 +1,7 @@
 // The avatar's vertex colours: albedo and irradiance, estimated together from the take's frames, so that a point has
 // one colour however it was lit. Each frame adds one sample to each point it sees; each point keeps the best 16.
 // vertex_color_solve alternates between the albedo of every point and one irradiance for the take:
-// eight iterations of robust least squares. Points without samples are inpainted (color_inpainting.h).
+// eight iterations of robust least squares. Points without samples are inpainted (texture_atlas.h).
 //
 // Colour space: "linear" here is the square of the gamma-encoded value, value = byte / 255, an approximation of sRGB's
 // curve (within 0.05) that a square root undoes exactly. The irradiance has the mean 1, so an albedo is the colour

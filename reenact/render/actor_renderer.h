@@ -110,7 +110,7 @@ MUST_CHECK enum status renderer_read_actor(struct renderer *p, uint8_t *rgba);
 
 // Reads back where each pixel of the actor last drawn comes from, RGB, not antialiased; needs
 // options.sources. Red: 0 no actor, 85 the shown frame itself, 170 another frame, 255 inpainted
-// (never seen; color_inpainting.h). Green, blue: high and low byte of that other frame's distance
+// (never seen; texture_atlas.h). Green, blue: high and low byte of that other frame's distance
 // in time, hundredths of a second, at most 65535. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status renderer_read_source(struct renderer *p, uint8_t *rgb);
 

@@ -4,7 +4,7 @@
 
 #include "app/place/robot_place.h"
 #include "base/clock.h"
-#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
 #include "tests/support/robot_film.h"

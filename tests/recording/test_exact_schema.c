@@ -1,7 +1,7 @@
 // A recording whose tables are not exactly as these programs make them is read like any other, and never written to: a
 // rule in it could delete takes when another is added. `repair` copies what is in it. Files of every older version are
 // written to.
-#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
 #include "tests/support/copy_file.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"

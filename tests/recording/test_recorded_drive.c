@@ -3,7 +3,6 @@
 #include "tests/support/test.h"
 
 #include "platform/files/database.h"
-#include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"
 #include "tests/support/scratch.h"
 

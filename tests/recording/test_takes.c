@@ -1,7 +1,6 @@
 // Takes are renamed, annotated, deleted, trimmed and copied.
 #include "recording/place.h"
 #include "recording/prepared.h"
-#include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"
 #include "recording/recording_reader.h"
 #include "tests/support/random.h"

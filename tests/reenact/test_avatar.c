@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "reenact/avatar/avatar.h"
-#include "reenact/avatar/silhouette_constraint.h"
+#include "reenact/avatar/deformation.h"
 #include "reenact/render/actor_renderer.h"
 #include "tests/support/painted_person.h"
 #include "tests/support/random.h"

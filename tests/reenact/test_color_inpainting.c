@@ -2,7 +2,7 @@
 // as the body's other half where that was seen. A trunk, two arms and a head of dark hair, seen from the front only.
 #include "tests/support/test.h"
 
-#include "reenact/avatar/color_inpainting.h"
+#include "reenact/avatar/texture_atlas.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 // distance, and lengths are those of the surface seen from its chart's direction.
 #include "tests/support/test.h"
 
-#include "reenact/avatar/uv_unwrap.h"
+#include "reenact/avatar/texture_atlas.h"
 
 #include <stdio.h>
 

@@ -4,7 +4,6 @@
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
-#include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"
 
 #include <math.h>
