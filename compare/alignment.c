@@ -1,6 +1,6 @@
 #include "compare/alignment.h"
 
-#include "compare/difference.h"
+#include "compare/feature_box.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -3,8 +3,8 @@
 #include "base/text.h"
 #include "platform/network/address.h"
 #include "recording/little_endian.h"
+#include "recording/recording_change.h"
 #include "recording/recording_reader.h"
-#include "recording/recording_takes.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -3,8 +3,8 @@
 
 #include "base/text.h"
 #include "platform/files/file.h"
+#include "recording/frame_copier.h"
 #include "recording/recording_reader.h"
-#include "recording/recording_repair.h"
 #include "recording/recording_schema.h"
 
 #include <inttypes.h>
@@ -96,36 +96,6 @@ enum status erasure_finish(struct database *db, const char *done)
                     done, database_path(db));
     // The pending request holds no picture or joint: its own removal needs no proof of being overwritten.
     return status == OK ? delete_request(db) : status;
-}
-
-// ---------------------------------------------------------------- recording change
-
-enum status recording_change(const char *path, const char *statements,
-                             enum status (*insert)(struct database *db, const void *what), const void *what)
-{
-    struct database *db;
-    enum status status = database_open(&db, path, DATABASE_WRITE);
-    if (status == OK)
-        status = recording_check_tables(db);
-    if (status == OK)
-        status = database_lock_writer(db);
-    const bool locked = status == OK;
-    if (status == OK)
-        status = database_begin(db);
-    if (status == OK)
-        status = database_run(db, statements);
-    if (status == OK)
-        status = insert(db, what);
-    if (status == OK)
-        status = database_run(db, "COMMIT");
-    struct failure first;
-    failure_keep(&first, status);
-    if (db && database_in_transaction(db) && database_run(db, "ROLLBACK") != OK)
-        status = first.status;
-    if (locked && status == OK)
-        status = database_close_wal(db);
-    database_close(&db);
-    return first.status == OK ? status : failure_restore(&first);
 }
 
 // ---------------------------------------------------------------- recording takes

@@ -25,12 +25,3 @@ MUST_CHECK enum status erasure_note(struct database *db, const struct erasure_re
 // After its commit: the log is moved into the file and cut to nothing. ERR_IO: another program reads the file; the
 // sentence begins with `done` ("take 'kata' is deleted").
 MUST_CHECK enum status erasure_finish(struct database *db, const char *done);
-
-// ---------------------------------------------------------------- recording change
-
-// Changing what a recording holds beside its takes, in one transaction: all of it or nothing.
-
-// Runs `statements` and then insert(db, what). ERR_MISSING, ERR_FORMAT, ERR_IO, ERR_CORRUPT, and what insert returns;
-// on error the file is as it was.
-MUST_CHECK enum status recording_change(const char *path, const char *statements,
-                                        enum status (*insert)(struct database *db, const void *what), const void *what);

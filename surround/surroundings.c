@@ -4,7 +4,7 @@
 #include "base/threads.h"
 #include "platform/files/png.h"
 #include "surround/depth/dense_depth.h"
-#include "surround/picture/surround_mesh.h"
+#include "surround/picture/surround_picture.h"
 
 #include <pthread.h>
 #include <stdatomic.h>

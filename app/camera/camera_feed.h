@@ -10,6 +10,7 @@
 // camera_feed_query and _suspend may be called from any thread. Memory: at most eight images, and two in the
 // relocalizer.
 #pragma once
+#include "app/camera/present_gap.h"
 #include "base/status.h"
 #include "platform/sensors/dmabuf_image.h"
 #include "recording/place.h"
@@ -36,23 +37,6 @@ bool mailbox_full(struct mailbox *mailbox);
 
 // From either thread: mailbox_take returns NULL from now on.
 void mailbox_stop(struct mailbox *mailbox);
-
-// ---------------------------------------------------------------- present gap
-
-// The gap between two frames: from presenting one until drawing the next. A background computation that starts at the
-// beginning of a gap delays no frame if it ends within it. Any thread may call.
-
-struct present_gap;
-
-MUST_CHECK enum status present_gap_open(struct present_gap **out); // ERR_MEMORY
-void present_gap_close(struct present_gap **gap);                  // NULL is fine; no thread may be waiting
-
-void present_gap_begin(struct present_gap *gap); // a frame has been presented
-
-// How many gaps have begun: the argument of a later present_gap_wait.
-int64_t present_gap_count(struct present_gap *gap);
-// Blocks until more than `count` gaps have begun, at most 50 ms: maybe nothing is being drawn.
-void present_gap_wait(struct present_gap *gap, int64_t count);
 
 // ---------------------------------------------------------------- camera feed
 

@@ -1,6 +1,5 @@
 #include "app/camera/camera_localizer.h"
 
-#include "app/camera/camera_feed.h"
 #include "base/threads.h"
 #include "locate/camera_tracker.h"
 

@@ -7,7 +7,7 @@
 //
 // One thread calls.
 #pragma once
-#include "app/camera/camera_feed.h"
+#include "app/camera/present_gap.h"
 #include "locate/locator.h"
 
 struct camera_localizer;

@@ -4,7 +4,7 @@
 #include "recording/recording.h"
 #include "surround/filmed/filmed_room.h"
 #include "surround/gpu/surround_renderer.h"
-#include "surround/picture/surround_mesh.h"
+#include "surround/picture/surround_picture.h"
 #include "surround/surroundings.h"
 
 #include <stdlib.h>

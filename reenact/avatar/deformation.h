@@ -7,8 +7,8 @@
 // Shifts are in bind-pose axes, metres. A fit starts from zero shift and depends on nothing before it. No threads are
 // started; one deformation is used by one thread at a time. Deterministic.
 #pragma once
+#include "reenact/avatar/irradiance_sh.h"
 #include "reenact/avatar/tsdf.h"
-#include "reenact/avatar/vertex_color.h"
 #include "reenact/skeleton/body_cylinders.h"
 
 // ---------------------------------------------------------------- silhouette constraint

@@ -9,29 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- irradiance sh
-
-// The basis functions at the unit normal n, without their normalisation constants, which the coefficients absorb:
-// 1, x, y, z, xy, yz, xz, x² - y², 3z² - 1.
-static void sh_basis(const float n[3], float y[SH_TERMS])
-{
-    y[0] = 1;
-    y[1] = n[0], y[2] = n[1], y[3] = n[2];
-    y[4] = n[0] * n[1], y[5] = n[1] * n[2], y[6] = n[0] * n[2];
-    y[7] = n[0] * n[0] - n[1] * n[1], y[8] = 3 * n[2] * n[2] - 1;
-}
-
-float sh_irradiance_at(const struct sh_irradiance *irradiance, const float n[3])
-{
-    float y[SH_TERMS], sum = 0;
-    sh_basis(n, y);
-    for (int i = 0; i < SH_TERMS; i++)
-        sum += irradiance->term[i] * y[i];
-    return fminf(fmaxf(sum, IRRADIANCE_MIN), IRRADIANCE_MAX);
-}
-
-// ---------------------------------------------------------------- vertex color
-
 enum { SAMPLES_KEPT = 16, ITERATIONS = 8, RIM_PX = 1, CHUNK = 4096 };
 
 // Chosen by hand on the takes of docs/results.md.

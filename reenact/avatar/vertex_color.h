@@ -11,28 +11,9 @@
 // does not depend on how many. The caller calls them one at a time.
 #pragma once
 #include "reenact/avatar/deformation.h"
+#include "reenact/avatar/irradiance_sh.h"
 #include "reenact/observation/depth_frame.h"
 #include "reenact/skeleton/bind_pose.h"
-
-// ---------------------------------------------------------------- irradiance sh
-
-// Irradiance as a function of the surface normal: real spherical harmonics up to the second order (Ramamoorthi and
-// Hanrahan 2001: nine coefficients hold more than 98 % of what a convex diffuse surface receives under distant light).
-// World axes. Relative: 1 is the mean; multiplied with a linear albedo it gives linear colour. No state; any thread.
-
-enum { SH_TERMS = 9 };
-
-// The series is clamped to this range: it is an extrapolation where no surface ever faced. Chosen by hand.
-#define IRRADIANCE_MIN 0.4F
-#define IRRADIANCE_MAX 1.6F
-
-struct sh_irradiance {
-    float term[SH_TERMS]; // in the order of sh_basis
-};
-
-float sh_irradiance_at(const struct sh_irradiance *irradiance, const float n[3]); // n: unit
-
-// ---------------------------------------------------------------- vertex color
 
 struct vertex_colors {
     float (*color)[3]; // of each point of the surface: albedo, RGB, linear

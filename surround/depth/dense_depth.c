@@ -3,7 +3,7 @@
 #include "base/memory.h"
 #include "surround/depth/depth_seeds.h"
 #include "surround/picture/fast_angle.h"
-#include "surround/picture/surround_mesh.h"
+#include "surround/picture/surround_picture.h"
 
 #include <stdlib.h>
 #include <string.h>

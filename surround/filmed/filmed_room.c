@@ -1,7 +1,7 @@
 #include "surround/filmed/filmed_room.h"
 
 #include "platform/files/jpeg.h"
-#include "surround/picture/surround_mesh.h"
+#include "surround/picture/surround_picture.h"
 
 #include <stdlib.h>
 

@@ -1,5 +1,5 @@
 // surround_view_draw by the graphics card: a picture of the surroundings from a free viewpoint, for every image that a
-// display shows. Each picture's colours, depth and surface (surround_mesh.h) are uploaded once and stay there.
+// display shows. Each picture's colours, depth and surface (surround_picture.h) are uploaded once and stay there.
 //
 // Two passes. The first draws the surfaces of the nearest pictures into one image of 1 / z: what other pictures look
 // through (the view-dependent depth test) lies behind all that they do not, and is left out where most look through it,
@@ -11,7 +11,7 @@
 #pragma once
 #include "platform/screen/gpu.h"
 #include "reenact/render/shaders.h"
-#include "surround/picture/surround_mesh.h"
+#include "surround/picture/surround_picture.h"
 #include "surround/view/surround_view.h"
 
 // ---------------------------------------------------------------- picture store

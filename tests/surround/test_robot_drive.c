@@ -6,7 +6,7 @@
 #include "base/clock.h"
 #include "surround/drive/drive_session.h"
 #include "surround/drive/robot_motion.h"
-#include "surround/picture/surround_mesh.h"
+#include "surround/picture/surround_picture.h"
 #include "tests/support/drive_trial.h"
 
 #include <stdio.h>

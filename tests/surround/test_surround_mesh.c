@@ -2,7 +2,7 @@
 // ray caster says, never spanned between two surfaces, and few.
 #include "tests/support/test.h"
 
-#include "surround/picture/surround_mesh.h"
+#include "surround/picture/surround_picture.h"
 #include "tests/support/box_room.h"
 
 static const struct lens small = {.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 7.5, .cy = 7.5};

@@ -3,8 +3,6 @@
 #pragma once
 #include "recording/async_writer.h"
 
-// ---------------------------------------------------------------- frame copier
-
 struct frame_copier;
 
 // What became of the frames of one take.
@@ -26,10 +24,17 @@ MUST_CHECK enum status frame_copier_open(struct frame_copier **out, struct datab
                                          enum copier_reads reads);
 void frame_copier_close(struct frame_copier **c);
 
+// Finds rows whose ids were damaged, in the whole file: those whose seal fits another id that differs in one bit; in
+// older files, without seals, those whose images wait under such an id. For a file that is known to be damaged.
+MUST_CHECK enum status frame_copier_find_strays(struct frame_copier *copier);
+
 // Copies the frames of `take`, which calibration and body describe, as the take `new_id`. `located` false: poses are
 // left out. The size of an image that does not fit the calibration makes it unusable. ERR_MEMORY, ERR_IO.
 MUST_CHECK enum status frame_copier_copy(struct frame_copier *c, const struct take_row *take, int64_t new_id,
                                          bool located, struct frame_copy_counts *out);
+
+// For a take whose row is damaged: takes the sizes of its images from the first one that can be read.
+MUST_CHECK enum status frame_copier_infer_sizes(struct frame_copier *copier, struct take_row *take);
 
 // ---------------------------------------------------------------- place copier
 
