@@ -51,8 +51,8 @@ MUST_CHECK enum status worker_thread_start(struct worker_thread *w, void *(*run)
 void worker_thread_stop(struct worker_thread *thread);
 void worker_thread_close(struct worker_thread *thread); // as worker_thread_stop, and lock and condition are gone
 
-// With the lock held: tells the thread to end, and leaves its owner's memory to it, so that nobody waits for its end.
-// It calls worker_thread_close itself. False: it does not run.
+// With the lock held: tells the thread to end and detaches it, so that nobody waits for its end. It owns its owner's
+// struct from then on, and calls worker_thread_close itself. False: it does not run.
 bool worker_thread_abandon(struct worker_thread *thread);
 
 bool worker_thread_must_end(struct worker_thread *thread); // for the thread, while it works: `closing`

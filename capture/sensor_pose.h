@@ -26,7 +26,7 @@ bool gravity_align_floor(const struct lens *depth_lens, const uint16_t *depth, s
 // takes the person's standing for it (compare/joint_samples.h), and without that, takes the sensor as held level.
 
 struct sensor_tilt {
-    bool matters; // it has no place, and nobody stands upright for a second in sight of a sensor that is nearly level
+    bool matters; // neither a place nor a person who stands upright for a second gives the vertical
     bool known;   // a floor is seen
     double degrees;
 };

@@ -571,7 +571,7 @@ static void fill_share(void *context, int share)
         fill_frame(judge, f);
 }
 
-// The window begins anew with each share; its quantiles do not depend on what it held before.
+// Each share starts with an empty window: a quantile depends on the frames in its window alone.
 static void smooth_share(void *context, int share)
 {
     struct judge *judge = context;

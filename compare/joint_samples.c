@@ -212,9 +212,8 @@ static void note_unknown_tilt(struct joint_samples *samples)
     struct vec3 mean;
     if (!joint_samples_standing(samples, &mean) || v3_dot(mean, v3(0, -1, 0)) < portable_cos(MAX_TILT_RAD))
         joint_note(&samples->notes,
-                   "how its sensor was tilted is not known, without a place and with nobody who stands "
-                   "upright for a second; it is taken as held level, and where it was not, the score means "
-                   "little");
+                   "how its sensor was tilted is not known: it has no place, and nobody stands upright for a "
+                   "second; it is taken as level, and where it was not, the score means little");
 }
 
 static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)

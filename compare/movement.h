@@ -16,8 +16,8 @@
 
 // ---------------------------------------------------------------- sliding quantile
 
-// A weighed quantile over a window that slides along a series: values are kept sorted, those of equal value in the
-// order of their frames, so that the result has the bits of sorting each window anew by a stable sort.
+// Weighted quantile of a sliding window: values are kept sorted, equal ones in the order of their frames, so that the
+// result is bit for bit that of a stable sort of each window.
 
 enum { SLIDING_MAX = 61 };
 

@@ -25,7 +25,7 @@ struct localization {
     const uint16_t *depth; // or NULL
     struct pnp_tag tags[PNP_MAX_TAGS];
     struct pnp_solution found;
-    int agree;   // how many of l->matches agree with it
+    int agree;   // how many of the locator's matches agree with it
     int missing; // tags that must be in view but were not found
 };
 

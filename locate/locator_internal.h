@@ -1,7 +1,6 @@
 // What the locator's files share: the place, the current image, and what is tracked into the next one.
 // Calls go downwards only:
-//     locator.c, localize.c -> tracking.c -> tracking.c -> tracking.c
-//     all of them -> locator.c, locator.c, locator.c, locator.c
+//     localize.c -> tracking.c -> locator.c
 #pragma once
 #include "locate/focal_estimate.h"
 #include "locate/klt_patch.h"

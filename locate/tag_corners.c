@@ -100,7 +100,7 @@ static void apply_homography(const double h[9], double u, double v, double *x, d
     *y = (h[3] * u + h[4] * v + h[5]) / w;
 }
 
-// Samples the pixels of the tag and most of its white rim. most: about how many at most.
+// Samples the pixels of the tag and most of its white rim, about `max` of them.
 static void sample_pixels(struct tag_refiner *refiner, const uint8_t *rgb, const double h[9], int max)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};

@@ -55,5 +55,5 @@ struct align_input {
 // Improves *alignment in at most `steps` steps and fills the rest of it. False: it is not in sight of the views.
 bool thing_align(const struct align_input *in, int steps, struct alignment *alignment);
 
-// Score in one view only, as the pose stands; visible and tint of that view are written into *a.
+// Score in one view only, as the pose stands; visible and tint of that view are written into *alignment.
 double thing_score(const struct align_input *in, int view, struct alignment *alignment);

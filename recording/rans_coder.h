@@ -129,7 +129,7 @@ static inline uint32_t rans_pull_large(struct rans_reader *reader, uint32_t symb
 }
 
 // The next symbol, which rans_take then takes: a number below RANS_PLAIN, or what rans_pull_large makes one of. From
-// RANS_SYMBOLS on: rans_search finds it. reader: best a copy of one of r->reader, which nothing else points to.
+// RANS_SYMBOLS on: rans_search finds it. reader: best a copy of one of reader->reader, which nothing else points to.
 static inline __attribute__((always_inline)) size_t rans_look(const struct rans_context *context,
                                                               const struct rans_reader *reader)
 {

@@ -290,7 +290,8 @@ static bool unpack_optional(enum optional_table which, const uint8_t *known, str
     return finite;
 }
 
-// Reads one optional table of points or tags into *p. Older files lack some of them. A damaged one costs itself alone.
+// Reads one optional table of points or tags into *place. Older files lack some of them. A damaged one costs itself
+// alone.
 static enum status read_optional(struct recording *recording, enum optional_table which, struct place *place)
 {
     static const char *const count[OPTIONAL_TABLE_COUNT] = {COUNT_TABLES("'point_error'"), COUNT_TABLES("'tag_error'"),

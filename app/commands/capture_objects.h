@@ -19,7 +19,7 @@ struct objects_arguments {
 
 // Known things in a recording's place: in the pictures of a sweep, or before a camera that is localised in it.
 
-// A sweep just mapped into a->into: its pictures, their poses, and the place as it was before (all 0: none).
+// A sweep just mapped into the recording: its pictures, their poses, and the place as it was before (all 0: none).
 struct objects_sweep {
     const struct place *before;
     const struct sweep_pictures *pictures;

@@ -50,7 +50,7 @@ struct scene_view {
     const uint8_t *color;  // RGB; NULL: none
     const uint16_t *depth; // millimetres; NULL: none
     const uint8_t *mask;   // not 0: the actor; NULL: no person
-    int skipped;           // frames of the sensor since the view before that nobody looked at
+    int skipped;           // sensor frames dropped since the previous view
 };
 
 struct scene_state {

@@ -114,7 +114,7 @@ static struct unexplained find_unexplained(const struct depth_evidence *evidence
     return out;
 }
 
-// Fits a pose and keeps it in scratch->other if it is the likeliest so far. *least: its energy. Moving a limb costs
+// Fits a pose and keeps it in scratch->other if it is the likeliest so far. *min: its energy. Moving a limb costs
 // energy, so that a followed limb is not given up for a slightly better place.
 static void try_pose(const struct fit_task *task, const struct body_pose *pose, struct fit_scratch *scratch,
                      double *min)

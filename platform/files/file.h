@@ -4,7 +4,7 @@
 
 // ---------------------------------------------------------------- file kind
 
-// What a file is that is not what it was taken for, by its first bytes, to say so to whoever chose it.
+// The kind of a file by its first bytes (magic numbers), for the sentence about one that is not what was expected.
 
 // A phrase that goes on after "it is": "a zip archive: unpack it first". NULL: nothing that is known, or it cannot be
 // read. The file is opened and closed: not for one of which this process holds POSIX locks.

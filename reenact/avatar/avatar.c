@@ -456,8 +456,8 @@ static enum status measure_rotations(struct avatar_build *build, struct frame_jo
 static enum status measure_deformation(struct avatar_build *build, struct frame_job *job, int i)
 {
     (void)i;
-    const struct avatar *avatar = build->avatar; // without background colours
-    const enum status status =
+    const struct avatar *avatar = build->avatar;
+    const enum status status = // leaves out the background's colours
         depth_frame_clean_colors(&job->depth_frame, take_calibration(build->take), job->rgb, job->rgb);
     const struct deformation_model model = {avatar->tsdf, &avatar->surface, avatar->skins};
     relabel_frame(build, job);

@@ -42,8 +42,8 @@ void occluder_mesh_free(struct occluder_mesh *mesh); // leaves it zeroed
 
 // ---------------------------------------------------------------- occluder grid
 
-// The voxel grid from which the occluder mesh is made; for occluder_mesh.c and occluder_mesh.c
-// (and its test) only.
+// The voxel grid from which the occluder mesh is made; for occluder_mesh.c
+// and its test only.
 
 // A TSDF: signed distance of voxel i is sum[i] / weight[i], positive in empty space; weight 0: unknown.
 struct occluder_grid {
