@@ -37,7 +37,7 @@ struct alignment_bound {
     int block;             // frames in a block
 };
 
-// ---------------------------------------------------------------- alignment bound
+// ---------------------------------------------------------------- alignment bound, types
 
 // Lower bounds of paths through blocks of frames: which cells of the dynamic programme a path of at most a known price
 // can go through.

@@ -11,7 +11,7 @@
 #include <string.h>
 #include <strings.h>
 
-// ---------------------------------------------------------------- joint rows
+// ---------------------------------------------------------------- joint rows, types
 
 // The rows of a joints-csv file before anything is believed of them: in which order, in which units, which of them are
 // holes. Internal to the reader.
@@ -34,17 +34,6 @@ struct joint_rows {
 struct joint_units {
     double metres, seconds;
 };
-
-// ---------------------------------------------------------------- joint axes
-
-// Which way a file's axes point, by the body: a head is above the feet, knees bend forwards.
-//
-// Up is where a person who stands straight for a second points to. Of others it is the mean, over the samples in which
-// a shin and the trunk point the same way, of the direction from the feet to the middle of the trunk, which is balanced
-// above them, or of trunk and shins of one who sits; samples more than 45 degrees off are left out. A direction near an
-// axis is that axis, and what remains is the tilt of a sensor. Handedness is the sense in which knees bend: from thigh
-// to shin about the axis from the right hip to the left. It needs no up. Elbows, which turn further, are asked where
-// the knees say nothing.
 
 // ---------------------------------------------------------------- joint rows
 
@@ -335,6 +324,15 @@ static enum status joint_rows_units(const struct joint_rows *rows, const char *p
 }
 
 // ---------------------------------------------------------------- joint axes
+
+// Which way a file's axes point, by the body: a head is above the feet, knees bend forwards.
+//
+// Up is where a person who stands straight for a second points to. Of others it is the mean, over the samples in which
+// a shin and the trunk point the same way, of the direction from the feet to the middle of the trunk, which is balanced
+// above them, or of trunk and shins of one who sits; samples more than 45 degrees off are left out. A direction near an
+// axis is that axis, and what remains is the tilt of a sensor. Handedness is the sense in which knees bend: from thigh
+// to shin about the axis from the right hip to the left. It needs no up. Elbows, which turn further, are asked where
+// the knees say nothing.
 
 // By hand, as cosines of 35, 25, 12 and 45 degrees. A camera is tilted by at most 35; other axes are upright, and one
 // who sits leans by at most 25. Balance is within 6 degrees of up in all motions of tests/world. A share: a person who

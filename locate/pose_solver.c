@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-// ---------------------------------------------------------------- pose residuals
+// ---------------------------------------------------------------- pose residuals, types
 
 // Residuals of the pose solver: what one tag, one depth sample or one landmark adds to the normal equations
 // JᵀJ d = -Jᵀr of a small motion of the camera. Axes, order of the numbers, kernel and costs: locate/pose_solver.h.

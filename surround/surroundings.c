@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- capture thread
+// ---------------------------------------------------------------- capture thread, types
 
 // A robot's captures aligned, and given depth, on two threads of their own, so that drawing for the operator waits for
 // neither (Okura 2014, section 3.2: "the unification process is implemented as a thread separated from the ... image
@@ -231,8 +231,6 @@ static enum capture_stage capture_thread_take(struct capture_thread *t, struct c
     t->in_flight -= !aligned;
     return aligned ? CAPTURE_ALIGNED : CAPTURE_WITH_DEPTH;
 }
-
-// ---------------------------------------------------------------- surroundings
 
 // ---------------------------------------------------------------- surface points
 

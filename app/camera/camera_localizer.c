@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- relocalizer
+// ---------------------------------------------------------------- relocalizer, types
 
 // Relocalises a lost camera on a thread of its own: in the image in which it was lost, then by tracking through the
 // images that arrived since, until there is no newer one.

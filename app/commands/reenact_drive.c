@@ -20,7 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- drive window
+// ---------------------------------------------------------------- drive window, types
 
 // reenact drive's window: the controls of app/drive/drive_controls.h; a finger beside them turns the viewpoint, the
 // wheel brings it nearer; 1, 2, 3 (pad: X) choose first person, third person and from above; M (pad: Y) shows the map,

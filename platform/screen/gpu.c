@@ -393,8 +393,6 @@ enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
     return gpu_check(t->g);
 }
 
-// ---------------------------------------------------------------- gpu
-
 // ---------------------------------------------------------------- the context
 
 void gpu_make_current(const struct gpu *gpu)

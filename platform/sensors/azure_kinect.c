@@ -403,8 +403,6 @@ void azure_remap_depth(const struct azure_remap *remap, const uint16_t *in, uint
 
 #include <inttypes.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 static const struct ffmpeg_library *_Atomic ffmpeg; // the same for all; set before the first file is opened
 

@@ -18,8 +18,6 @@
 // Whether an avatar that was read from a file can be drawn: every number that something is looked up by is in range,
 // and every other one is finite and one that a person's model can have. Not its TSDF, which tsdf.h checks. Pure.
 
-// ---------------------------------------------------------------- avatar check
-
 // Farther, brighter, later than anything that a sensor sees of a person; chosen by hand so that sums and conversions of
 // what passes cannot overflow.
 #define MAX_M      100.0

@@ -18,7 +18,7 @@ static const float LOCAL_PRIOR_WEIGHT = 5; // contacts: of the bone's mean gap, 
 static const double SEARCH_BEFORE_M = 0.05, SEARCH_BEHIND_M = 0.12, STEP_M = 0.01;
 static const double MIN_GRADIENT = 0.3; // without unit; where it is less the distance field has no clear normal
 
-// ---------------------------------------------------------------- points
+// ---------------------------------------------------------------- silhouette points
 
 static int find_at_pixel(const struct depth_frame *frame, int x, int y, struct silhouette_point *points, int capacity)
 {
@@ -141,7 +141,7 @@ void tsdf_match_silhouettes(struct tsdf *tsdf, const struct silhouette_gaps *gap
     tsdf_offset(tsdf, out_m);
 }
 
-// ---------------------------------------------------------------- deformation
+// ---------------------------------------------------------------- deformation, types
 
 // x, y, z and an unused fourth component, so that processors can use their vector instructions.
 typedef float four __attribute__((vector_size(16)));

@@ -63,8 +63,6 @@ void silhouette_gaps_add(struct silhouette_gaps *to, const struct silhouette_gap
 // Moves the surface by the local mean gap, or towards the whole bone's mean where few contacts were counted.
 void tsdf_match_silhouettes(struct tsdf *tsdf, const struct silhouette_gaps *gaps);
 
-// ---------------------------------------------------------------- deformation
-
 // ---------------------------------------------------------------- deformation grid
 
 // The regular grid that carries a deformation: a box about the avatar's surface in the bind pose, with trilinear

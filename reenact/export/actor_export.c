@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- actor motion
+// ---------------------------------------------------------------- actor motion, types
 
 // The bones of the avatar over a take, as nodes of a scene: each bone's node lies where the bone begins, with the bind
 // pose's axes, below the node of the bone it hangs from. Internal to this folder. Pure.

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- exposure
+// ---------------------------------------------------------------- exposure, types
 
 // Estimates a frame's exposure gain against the avatar's mean colours: lamps are nearer or farther, and the camera's
 // automatic exposure varies. It is measured where the frame saw the actor; what it did not see is drawn from the
@@ -19,12 +19,6 @@ struct exposure_input {
     const struct lens *color; // the frame's
     const uint8_t *rgb;       // the frame's colours, gamma-encoded
 };
-
-// ---------------------------------------------------------------- triangle visibility
-
-// Which of the avatar's triangles may take colours of the shown frame: a conservative test of the shader's depth
-// agreement over each triangle's footprint in the depth image. The others, which the frame did not see, saw at a
-// grazing angle or saw occluded, are drawn without sampling the frame. Pure; deterministic.
 
 // ---------------------------------------------------------------- exposure
 
@@ -85,6 +79,10 @@ static float exposure_estimate(const struct exposure_input *in, const struct fra
 }
 
 // ---------------------------------------------------------------- triangle visibility
+
+// Which of the avatar's triangles may take colours of the shown frame: a conservative test of the shader's depth
+// agreement over each triangle's footprint in the depth image. The others, which the frame did not see, saw at a
+// grazing angle or saw occluded, are drawn without sampling the frame. Pure; deterministic.
 
 static const double DEPTH_TOLERANCE_M = 0.09;        // from here on depth_agreement.glsl rejects the frame's colour
 static const double SLACK_PX = 1e-3, SLACK_M = 1e-4; // for the shader's rounding

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- silhouette edges
+// ---------------------------------------------------------------- silhouette edges, types
 
 // Skins the avatar's mesh for one image (linear blend skinning, LBS), selects the
 // triangles that face the viewer, and builds a thin ribbon along the silhouette edges

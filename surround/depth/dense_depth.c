@@ -15,8 +15,6 @@
 // squares, and the seeds that lie on it take its plane in place of their own, noisier one. Walls that are continued
 // beyond what was measured are then straight, and the same from every picture. Pure but for memory.
 
-// ---------------------------------------------------------------- large planes
-
 // Chosen on the rover set: a bin is 3 degrees by 5 cm; fewest seeds and least length of a plane.
 enum { AZIMUTHS = 120, DISTANCES = 240, MAX_PLANES = 40, FEWEST_SEEDS = 60, PASSES = 3 };
 #define BIN_M   0.05f

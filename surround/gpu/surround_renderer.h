@@ -42,7 +42,7 @@ struct picture_store {
     int64_t now;
 };
 
-// ---------------------------------------------------------------- surround renderer
+// ---------------------------------------------------------------- surround renderer, types
 
 // At most so many pictures make an image; the first of the list are taken, of one camera (size and lens): the first's.
 // A picture takes 7 bytes a pixel of the graphics card's memory, and about 16 for each vertex of its surface.

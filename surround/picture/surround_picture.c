@@ -8,8 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- surround mesh
-
 // ---------------------------------------------------------------- surround mesh free
 
 // Freeing a mesh, apart from making it, which stands on pictures.
