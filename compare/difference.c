@@ -348,14 +348,14 @@ struct movement_frame movement_at(const struct movement *movement, double frame)
     frame = fmax(0, fmin(movement->count - 1, frame));
     const int32_t i = (int32_t)frame, k = i + 1 < movement->count ? i + 1 : i;
     const float t = (float)(frame - i);
-    const struct movement_frame *movement_frame = &movement->frames[i], *b = &movement->frames[k];
-    struct movement_frame out = *movement_frame;
+    const struct movement_frame *a = &movement->frames[i], *b = &movement->frames[k];
+    struct movement_frame out = *a;
     if (t == 0)
         return out;
-    out.known = movement_frame->known & b->known;
-    out.heading = movement_frame->heading + t * (b->heading - movement_frame->heading);
+    out.known = a->known & b->known;
+    out.heading = a->heading + t * (b->heading - a->heading);
     for (int p = 0; p <= PART_COUNT; p++) {
-        const float *x = p < PART_COUNT ? movement_frame->direction[p] : movement_frame->shoulders,
+        const float *x = p < PART_COUNT ? a->direction[p] : a->shoulders,
                     *y = p < PART_COUNT ? b->direction[p] : b->shoulders;
         float *to = p < PART_COUNT ? out.direction[p] : out.shoulders;
         float length2 = 0;
@@ -366,7 +366,7 @@ struct movement_frame movement_at(const struct movement *movement, double frame)
         for (int k2 = 0; k2 < 3 && length2 > 1e-12f; k2++)
             to[k2] /= sqrtf(length2);
         if (p < PART_COUNT)
-            out.sigma[p] = movement_frame->sigma[p] > b->sigma[p] ? movement_frame->sigma[p] : b->sigma[p];
+            out.sigma[p] = a->sigma[p] > b->sigma[p] ? a->sigma[p] : b->sigma[p];
     }
     return out;
 }

@@ -957,10 +957,10 @@ static enum status finding_add(struct comparison *comparison, const struct findi
 
 static int worst_first(const void *a, const void *b)
 {
-    const struct finding *finding = a, *y = b;
-    if (finding->weight != y->weight)
-        return finding->weight < y->weight ? 1 : -1;
-    return (finding->from_s > y->from_s) - (finding->from_s < y->from_s);
+    const struct finding *x = a, *y = b;
+    if (x->weight != y->weight)
+        return x->weight < y->weight ? 1 : -1;
+    return (x->from_s > y->from_s) - (x->from_s < y->from_s);
 }
 
 enum status findings_make(struct comparison *c)

@@ -72,10 +72,10 @@ static int64_t joint_rows_group(const struct joint_rows *rows, int64_t first)
 
 static int by_time_and_joint(const void *a, const void *b)
 {
-    const struct joint_row *row = a, *y = b;
-    if (row->time < y->time || row->time > y->time)
-        return row->time < y->time ? -1 : 1;
-    return row->joint - y->joint;
+    const struct joint_row *x = a, *y = b;
+    if (x->time < y->time || x->time > y->time)
+        return x->time < y->time ? -1 : 1;
+    return x->joint - y->joint;
 }
 
 // Brings rows into the order of time where the file has another one (a joint after the other, backwards, shuffled).

@@ -126,8 +126,8 @@ static int64_t true_key(struct frame_copier *copier)
 
 static int by_key(const void *left, const void *right)
 {
-    const struct stray *stray = left, *b = right;
-    return (stray->key > b->key) - (stray->key < b->key);
+    const struct stray *a = left, *b = right;
+    return (a->key > b->key) - (a->key < b->key);
 }
 
 static enum status add_stray(struct frame_copier *copier, int64_t key, int64_t stored_key)

@@ -278,12 +278,12 @@ struct marked {
 // What is hidden chooses its place last.
 static int nearer_first(const void *a, const void *b)
 {
-    const struct marked *marked = a, *y = b;
-    if (marked->hidden != y->hidden)
-        return marked->hidden ? 1 : -1;
-    if (marked->distance_m != y->distance_m)
-        return marked->distance_m < y->distance_m ? -1 : 1;
-    return marked->thing - y->thing;
+    const struct marked *x = a, *y = b;
+    if (x->hidden != y->hidden)
+        return x->hidden ? 1 : -1;
+    if (x->distance_m != y->distance_m)
+        return x->distance_m < y->distance_m ? -1 : 1;
+    return x->thing - y->thing;
 }
 
 static const char *answer_text(const struct room_thing *thing)

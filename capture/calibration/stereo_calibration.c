@@ -616,9 +616,9 @@ static double moved_px(const struct stereo_view *a, const struct stereo_view *b,
     if (a->count[camera] != b->count[camera])
         return INFINITY;
     for (int i = 0; i < a->count[camera]; i++) {
-        const struct circle *circle = &a->circles[camera][i], *q = &b->circles[camera][i];
-        const double distance = hypot(circle->at.x - q->at.x, circle->at.y - q->at.y);
-        max = circle->column == q->column && circle->row == q->row ? fmax(max, distance) : INFINITY;
+        const struct circle *p = &a->circles[camera][i], *q = &b->circles[camera][i];
+        const double distance = hypot(p->at.x - q->at.x, p->at.y - q->at.y);
+        max = p->column == q->column && p->row == q->row ? fmax(max, distance) : INFINITY;
     }
     return max;
 }

@@ -505,10 +505,10 @@ struct ranked {
 
 static int by_observations(const void *left, const void *right)
 {
-    const struct ranked *ranked = left, *b = right;
-    if (ranked->observations != b->observations)
-        return ranked->observations > b->observations ? -1 : 1;
-    return (ranked->point > b->point) - (ranked->point < b->point);
+    const struct ranked *a = left, *b = right;
+    if (a->observations != b->observations)
+        return a->observations > b->observations ? -1 : 1;
+    return (a->point > b->point) - (a->point < b->point);
 }
 
 // Observations that constrain a frame well enough while the map grows; more of them cost time. Chosen by hand.

@@ -105,8 +105,8 @@ void map_remove_outlier_tags(struct map *map)
 
 static int by_id(const void *left, const void *right)
 {
-    const struct mapper_tag *tag = left, *b = right;
-    return (tag->id > b->id) - (tag->id < b->id);
+    const struct mapper_tag *a = left, *b = right;
+    return (a->id > b->id) - (a->id < b->id);
 }
 
 static enum status read_side(const struct json *member, const char *path, struct mapper_tag *out)

@@ -50,12 +50,12 @@ void smoother_find_features(const struct smoother_frame *frame, struct smoothed_
     }
     const bool opposite = frame->has_backward && smoother_facing_differs(frame);
     for (int j = 0; j < JOINT_COUNT; j++) {
-        const struct joint_error *error = &frame->error[FORWARD][j], *b = &frame->error[second][j];
+        const struct joint_error *a = &frame->error[FORWARD][j], *b = &frame->error[second][j];
         double *value = out[j].value;
         value[SMOOTHED_ODDS] = fmax(0, mean_odds(frame, j) + ODDS_MIN);
         value[SMOOTHED_AROUND_ODDS] = fmax(0, (double)frame->around_odds[j] + ODDS_MIN);
-        value[SMOOTHED_WORSE_ODDS] = 0.5 * fabs((double)(error->wrong_log_odds - b->wrong_log_odds));
-        value[SMOOTHED_SCALE] = fmax(0, 0.5 * (double)(error->log_scale + b->log_scale) + SCALE_MIN);
+        value[SMOOTHED_WORSE_ODDS] = 0.5 * fabs((double)(a->wrong_log_odds - b->wrong_log_odds));
+        value[SMOOTHED_SCALE] = fmax(0, 0.5 * (double)(a->log_scale + b->log_scale) + SCALE_MIN);
         value[SMOOTHED_APART] = apart[j];
         value[SMOOTHED_BODY_APART] = body_apart;
         value[SMOOTHED_OPEN] = feature_log((double)frame->open_m[j], APART_M);

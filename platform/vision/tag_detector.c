@@ -13,6 +13,18 @@
 #include <stdlib.h>
 #include <string.h>
 
+// *out NULL: the image is smaller than any decodable tag and than the library's tiles, or ERR_MEMORY.
+static enum status detect_tags(apriltag_detector_t *detector, const struct gray_image *gray, zarray_t **out)
+{
+    const int width = gray->width, height = gray->height;
+    *out = NULL;
+    if (width < 16 || height < 16)
+        return OK;
+    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray->pixels};
+    *out = apriltag_detector_detect(detector, &image);
+    return *out ? OK : fail(ERR_MEMORY, "no memory to detect tags in an image of %d x %d pixels", width, height);
+}
+
 // ---------------------------------------------------------------- tag families
 
 // The library's mean distance of a cell's grey value from the border between black and white, 0 to 127. By hand: of
@@ -73,23 +85,19 @@ void tag_families_close(struct tag_families **tag_families)
 enum status tag_families_look(struct tag_families *f, const struct gray_image *gray, struct tag_of_family *out,
                               int capacity, int *count)
 {
-    const int width = gray->width, height = gray->height;
+    zarray_t *found;
+    const enum status status = detect_tags(f->detector, gray, &found);
     *count = 0;
-    if (width < 16 || height < 16) // smaller than any decodable tag and than the library's tiles
-        return OK;
-    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray->pixels};
-    zarray_t *found = apriltag_detector_detect(f->detector, &image);
-    if (!found)
-        return fail(ERR_MEMORY, "no memory to detect tags in an image of %d x %d pixels", width, height);
-    for (int i = 0; i < zarray_size(found) && *count < capacity; i++) {
+    for (int i = 0; found && i < zarray_size(found) && *count < capacity; i++) {
         apriltag_detection_t *detection;
         zarray_get(found, i, &detection);
         for (int k = 0; k < TAG_FAMILIES && detection->decision_margin >= CLEAR; k++)
             if (detection->family == f->family[k])
                 out[(*count)++] = (struct tag_of_family){k, detection->id};
     }
-    apriltag_detections_destroy(found);
-    return OK;
+    if (found)
+        apriltag_detections_destroy(found);
+    return status;
 }
 
 const char *tag_family_name(int family) { return families[family].name; }
@@ -138,24 +146,19 @@ void tag_detector_close(struct tag_detector **detector)
 // By id, then from left to right: independent of the library's order.
 static int compare_detections(const void *left, const void *right)
 {
-    const struct tag_detection *detection = left, *b = right;
-    if (detection->id != b->id)
-        return detection->id < b->id ? -1 : 1;
-    return (detection->corner[0].x > b->corner[0].x) - (detection->corner[0].x < b->corner[0].x);
+    const struct tag_detection *a = left, *b = right;
+    if (a->id != b->id)
+        return a->id < b->id ? -1 : 1;
+    return (a->corner[0].x > b->corner[0].x) - (a->corner[0].x < b->corner[0].x);
 }
 
 enum status tag_detector_detect(struct tag_detector *f, const struct gray_image *gray, struct tag_detection *out,
                                 int capacity, int *count)
 {
-    const int width = gray->width, height = gray->height;
+    zarray_t *found;
+    const enum status status = detect_tags(f->detector, gray, &found);
     *count = 0;
-    if (width < 16 || height < 16) // smaller than any decodable tag and than the library's tiles
-        return OK;
-    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray->pixels};
-    zarray_t *found = apriltag_detector_detect(f->detector, &image);
-    if (!found)
-        return fail(ERR_MEMORY, "no memory to detect tags in an image of %d x %d pixels", width, height);
-    for (int i = 0; i < zarray_size(found) && *count < capacity; i++) {
+    for (int i = 0; found && i < zarray_size(found) && *count < capacity; i++) {
         apriltag_detection_t *detection;
         zarray_get(found, i, &detection);
         struct tag_detection seen = {.id = detection->id, .hamming_errors = detection->hamming};
@@ -168,9 +171,10 @@ enum status tag_detector_detect(struct tag_detector *f, const struct gray_image 
         if (finite)
             out[(*count)++] = seen;
     }
-    apriltag_detections_destroy(found);
+    if (found)
+        apriltag_detections_destroy(found);
     qsort(out, (size_t)*count, sizeof *out, compare_detections);
-    return OK;
+    return status;
 }
 
 bool tag_pattern(int32_t id, struct tag_pattern *out)

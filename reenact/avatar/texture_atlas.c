@@ -46,12 +46,12 @@ struct mesh_edge {
 
 static int by_ends(const void *a, const void *b)
 {
-    const struct mesh_edge *edge = a, *q = b;
-    if (edge->low != q->low)
-        return edge->low < q->low ? -1 : 1;
-    if (edge->high != q->high)
-        return edge->high < q->high ? -1 : 1;
-    return (edge->triangle > q->triangle) - (edge->triangle < q->triangle);
+    const struct mesh_edge *p = a, *q = b;
+    if (p->low != q->low)
+        return p->low < q->low ? -1 : 1;
+    if (p->high != q->high)
+        return p->high < q->high ? -1 : 1;
+    return (p->triangle > q->triangle) - (p->triangle < q->triangle);
 }
 
 static enum status find_neighbours(struct unwrapper *unwrapper)
@@ -380,10 +380,10 @@ struct ring_samples {
 
 static int by_along(const void *a, const void *b)
 {
-    const struct ring_sample *sample = a, *y = b;
-    if (sample->along != y->along)
-        return sample->along < y->along ? -1 : 1;
-    return (sample->number > y->number) - (sample->number < y->number);
+    const struct ring_sample *x = a, *y = b;
+    if (x->along != y->along)
+        return x->along < y->along ? -1 : 1;
+    return (x->number > y->number) - (x->number < y->number);
 }
 
 // How far along the bone; of the skull along the way it faces, about which hair and face lie in rings.

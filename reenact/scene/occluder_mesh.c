@@ -439,11 +439,11 @@ struct cell_triangle {
 
 static int compare_cells(const void *a, const void *b)
 {
-    const struct cell_triangle *triangle = a, *y = b;
+    const struct cell_triangle *x = a, *y = b;
     int differ = 0;
     for (int k = 0; k < 3 && !differ; k++)
-        differ = (triangle->cell[k] > y->cell[k]) - (triangle->cell[k] < y->cell[k]);
-    return differ ? differ : memcmp(triangle->corners, y->corners, sizeof triangle->corners);
+        differ = (x->cell[k] > y->cell[k]) - (x->cell[k] < y->cell[k]);
+    return differ ? differ : memcmp(x->corners, y->corners, sizeof x->corners);
 }
 
 // Centred on a cell, containing all its triangles.

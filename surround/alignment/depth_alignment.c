@@ -558,14 +558,14 @@ static struct node bounded_node(struct search *search, int turn, int x, int y, i
 
 static int by_bound(const void *a, const void *b)
 {
-    const struct node *node = a, *y = b;
-    if (node->bound != y->bound)
-        return node->bound > y->bound ? -1 : 1;
-    if (node->turn != y->turn)
-        return node->turn < y->turn ? -1 : 1;
-    if (node->y != y->y)
-        return node->y < y->y ? -1 : 1;
-    return (node->x > y->x) - (node->x < y->x);
+    const struct node *x = a, *y = b;
+    if (x->bound != y->bound)
+        return x->bound > y->bound ? -1 : 1;
+    if (x->turn != y->turn)
+        return x->turn < y->turn ? -1 : 1;
+    if (x->y != y->y)
+        return x->y < y->y ? -1 : 1;
+    return (x->x > y->x) - (x->x < y->x);
 }
 
 // Depth first, the better child first. At most 6 levels deep.

@@ -146,10 +146,10 @@ struct pose pose_list_at(const struct timed_pose *list, int count, int64_t time_
         return list[0].pose;
     if (after == count)
         return list[count - 1].pose;
-    const struct timed_pose *pose = &list[after - 1], *b = &list[after];
-    const double t = (double)(time_ns - pose->time_ns) / (double)(b->time_ns - pose->time_ns);
-    return (struct pose){quat_slerp(pose->pose.rotation, b->pose.rotation, t),
-                         v3_mix(pose->pose.translation, b->pose.translation, t)};
+    const struct timed_pose *a = &list[after - 1], *b = &list[after];
+    const double t = (double)(time_ns - a->time_ns) / (double)(b->time_ns - a->time_ns);
+    return (struct pose){quat_slerp(a->pose.rotation, b->pose.rotation, t),
+                         v3_mix(a->pose.translation, b->pose.translation, t)};
 }
 
 // ---------------------------------------------------------------- surround set

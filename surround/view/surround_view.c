@@ -681,10 +681,10 @@ struct ranked {
 
 static int by_distance(const void *a, const void *b)
 {
-    const struct ranked *ranked = a, *y = b;
-    if (ranked->distance != y->distance)
-        return ranked->distance < y->distance ? -1 : 1;
-    return (ranked->picture->time_ns > y->picture->time_ns) - (ranked->picture->time_ns < y->picture->time_ns);
+    const struct ranked *x = a, *y = b;
+    if (x->distance != y->distance)
+        return x->distance < y->distance ? -1 : 1;
+    return (x->picture->time_ns > y->picture->time_ns) - (x->picture->time_ns < y->picture->time_ns);
 }
 
 enum status surround_view_rank(struct pose world_from_view, const struct surround_picture **pictures, int count)
