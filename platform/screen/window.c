@@ -1,13 +1,20 @@
 #include "platform/screen/window.h"
 
+#include "base/threads.h"
+
 #include <SDL.h>
 #include <SDL_syswm.h>
+#include <errno.h>
+#include <fcntl.h>
 #include <glob.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 enum { MAX_PADS = 4 };
+enum { LEAVE_MS = 1000 }; // left to a program whose display is gone, by hand
 
 struct window {
     SDL_Window *window;
@@ -19,6 +26,9 @@ struct window {
     double requested_dpi;
     bool types;      // text is typed (window_type)
     bool other_text; // what comes next as text is of a key that was pressed before it was
+    struct worker_thread watch;
+    int display;    // the X server's socket, which is SDL's; watched for its end
+    int closing[2]; // a pipe: its second end is closed to end the watch. 0: no watch
 };
 
 static enum status fail_open(struct window **window, const char *what, const char *why)
@@ -27,6 +37,62 @@ static enum status fail_open(struct window **window, const char *what, const cha
     window_close(window);
     return status;
 }
+
+// ---------------------------------------------------------------- a display that is gone
+
+static int poll_for(struct pollfd *ends, nfds_t count, int wait_ms)
+{
+    int ready;
+    while ((ready = poll(ends, count, wait_ms)) < 0 && errno == EINTR)
+        ;
+    return ready;
+}
+
+// Xlib ends the program when the X server is gone, but only once it reads from it. Where the end comes while the
+// processor draws, Mesa 22.3 notices first, and divides its picture into pieces of a negative height for ever:
+// xcb_get_maximum_request_length is 0 then (swrastPutImage, src/egl/drivers/dri2/platform_x11.c). Exit handlers could
+// hang as well, so they are not run again.
+static void *watch_display(void *self)
+{
+    const struct window *window = self;
+    struct pollfd ends[] = {{window->display, POLLRDHUP, 0}, {window->closing[0], 0, 0}};
+    if (poll_for(ends, 2, -1) > 0 && !ends[1].revents && poll_for(ends + 1, 1, LEAVE_MS) == 0) {
+        (void)dprintf(STDERR_FILENO, "the display is gone\n");
+        _exit(EXIT_FAILURE);
+    }
+    return NULL;
+}
+
+static enum status start_watch(struct window *window)
+{
+#ifdef SDL_VIDEO_DRIVER_X11
+    SDL_SysWMinfo system;
+    SDL_VERSION(&system.version);
+    if (!SDL_GetWindowWMInfo(window->window, &system) || system.subsystem != SDL_SYSWM_X11)
+        return OK;
+    window->display = ConnectionNumber(system.info.x11.display);
+    if (pipe2(window->closing, O_CLOEXEC)) {
+        window->closing[0] = window->closing[1] = 0;
+        return fail(ERR_IO, "no pipe to watch the display with: %s", strerror(errno));
+    }
+    worker_thread_open(&window->watch);
+    return worker_thread_start(&window->watch, watch_display, window, "to watch the display");
+#else
+    (void)window;
+    return OK;
+#endif
+}
+
+static void end_watch(struct window *window)
+{
+    if (!window->closing[1])
+        return;
+    close(window->closing[1]);
+    worker_thread_close(&window->watch);
+    close(window->closing[0]);
+}
+
+// ---------------------------------------------------------------- open and close
 
 static const char NO_DISPLAY[] =
     "there is no display to show a window on: start it in a desktop, or on a console of its own without one";
@@ -83,6 +149,11 @@ enum status window_open(struct window **out, const struct window_options *option
     if (!make_window(s, options))
         return fail_open(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?",
                          SDL_GetError());
+    const enum status watched = start_watch(s);
+    if (watched != OK) {
+        window_close(&s);
+        return watched;
+    }
     // Text always comes, so that what is typed fast is not lost, but where it would bring up a keyboard on the screen.
     if (SDL_HasScreenKeyboardSupport())
         SDL_StopTextInput();
@@ -104,6 +175,7 @@ void window_close(struct window **out)
     struct window *window = *out;
     if (!window)
         return;
+    end_watch(window);
     for (int i = 0; i < MAX_PADS; i++)
         if (window->pads[i])
             SDL_GameControllerClose(window->pads[i]);

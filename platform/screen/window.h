@@ -2,6 +2,8 @@
 // The same on KMS without a desktop, on Wayland and on X11. One window in a process, on the thread that opened it; only
 // window_wake may be called from other threads. gpu_adopt takes the context over for drawing.
 //
+// Where the X server ends, the program does: by exit(1) in Xlib, or a second later, whatever it is at, by _exit(1).
+//
 // Lengths are pixels of the upright image, from its top left corner: for a display that is mounted rotated
 // (quarter_turns), sizes and pointer positions are rotated here.
 #pragma once
