@@ -58,22 +58,25 @@ struct studio_run {
     struct window *window;
     struct gpu *gpu;
     struct studio studio;
-    int page_shown; // the last frame's page, and whether it was the player's
-    bool played;
+    int page_shown; // the studio's in its last frame
+    bool played;    // the last frame was the player's
 };
 
 static void wake_window(void *self) { window_wake(((struct studio_run *)self)->window); }
 
-// What was pressed while another page was on the screen was not meant for this one.
-static void drop_older_input(struct studio_run *run)
+// Whether the frame shows another page than the one before. What was pressed until now was not meant for this one.
+static bool is_other_page(struct studio_run *run)
 {
-    struct input_map *input = run->studio.playing ? &run->studio.viewer.input : &run->studio.input;
-    if (input->shown_page != run->page_shown || run->studio.playing != run->played) {
-        window_drop_input(run->window);
-        input_map_forget(input);
-    }
-    run->page_shown = input->shown_page;
+    struct input_map *input = &run->studio.input;
+    bool other = run->studio.playing != run->played;
     run->played = run->studio.playing;
+    if (run->studio.playing)
+        return viewer_presented(run->studio.viewer, clock_now_ns()) || other;
+    other |= input->shown_page != run->page_shown;
+    if (other)
+        input_map_forget(input);
+    run->page_shown = input->shown_page;
+    return other;
 }
 
 static enum status draw_page(struct studio_run *run, double px_per_dp, int64_t now_ns)
@@ -84,9 +87,8 @@ static enum status draw_page(struct studio_run *run, double px_per_dp, int64_t n
     if (status != OK)
         return status;
     window_present(run->window);
-    drop_older_input(run);
-    if (run->studio.playing)
-        viewer_presented(&run->studio.viewer, clock_now_ns());
+    if (is_other_page(run))
+        window_drop_input(run->window);
     return OK;
 }
 

@@ -1,10 +1,13 @@
 // reenact FILE: the viewer. A take in its place, seen through a camera or from an orbit.
 #include "app/commands/commands.h"
+#include "app/viewer/settings_file.h"
 #include "app/viewer/viewer.h"
 #include "base/clamp.h"
 #include "base/clock.h"
+#include "platform/screen/gpu.h"
 #include "platform/screen/window.h"
 #include "platform/sensors/source.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -113,10 +116,10 @@ struct watch {
     const struct watch_arguments *arguments;
     struct window *screen;
     struct gpu *gpu;
-    struct viewer viewer;
+    struct viewer *viewer;
+    char *take; // after the graphics device was lost: that was shown
     bool fullscreen, hidden;
     int64_t started_ns, shown_ns, until_ns;
-    int page_shown;        // of the last frame
     int milestones;        // of those below, how many the screen has shown
     char status_text[512]; // the sentence that the screen shows
     int64_t placed_before; // images with the actor in place when that sentence appeared
@@ -128,18 +131,16 @@ static double px_per_dp(const struct watch *watch)
 {
     int width, height;
     window_size(watch->screen, &width, &height);
-    const double text =
-        watch->viewer.state.text_size > 0 ? watch->viewer.state.text_size : 1; // 0: while it is being opened
-    return viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(watch->screen)), text, width, height);
+    const double text_size = viewer_query(watch->viewer).text_size;
+    return viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(watch->screen)), text_size, width, height);
 }
 
 // Prints when, since the program began, the screen first showed something, the actor, and the actor's model.
 static void print_milestones(struct watch *watch)
 {
     static const char *const names[] = {"a screen", "what the sensor saw", "a whole body", "full"};
-    const struct viewer *viewer = &watch->viewer;
-    const bool actor = viewer->has_image && viewer->image.parts > 0, sensor = viewer->has_image && viewer->image.sensor;
-    const bool reached[] = {true, actor || sensor, actor && viewer->image.prepared, actor && viewer->image.full};
+    const struct viewer_shown shown = viewer_shown(watch->viewer);
+    const bool reached[] = {true, shown.sensor, shown.body, shown.full};
     for (; watch->milestones < (int)COUNT_OF(names) && reached[watch->milestones]; watch->milestones++)
         printf("opening   %s after %.0f ms, %.0f of them at work\n", names[watch->milestones],
                (double)(watch->shown_ns - watch->started_ns) * 1e-6, (double)clock_cpu_ns() * 1e-6);
@@ -158,7 +159,7 @@ static void show_opening(void *self)
     struct watch *w = self;
     struct viewer_surface surface;
     surface_of(w, &surface);
-    if (viewer_draw_opening(&w->viewer, &surface) != OK)
+    if (viewer_draw_opening(w->viewer, &surface) != OK)
         return; // the first frame will report it
     window_present(w->screen);
     w->shown_ns = clock_now_ns();
@@ -187,37 +188,44 @@ static enum status check_file(const struct watch_arguments *arguments)
     return status;
 }
 
-static enum status watch_open(struct watch *watch)
+static struct viewer_options options_of(struct watch *watch)
 {
     static char settings[1024];
     const bool keeps = settings_file_path(settings, sizeof settings);
     const struct watch_arguments *a = watch->arguments;
-    const struct window_options screen = {"Reenact", a->size[0], a->size[1], a->fullscreen, a->rotate / 90, a->dpi};
     const char *camera = a->camera;
     if (!camera)
         camera = a->sensor ? "none" : find_camera();
+    return (struct viewer_options){.file = a->file,
+                                   .take = a->take,
+                                   .camera = *camera && strcmp(camera, "none") ? camera : NULL,
+                                   .sensor = a->sensor,
+                                   .no_body_points = a->no_body_points,
+                                   .photos = a->photos,
+                                   .light = a->light,
+                                   .developer = a->developer,
+                                   .fullscreen = a->fullscreen,
+                                   .settings = keeps ? settings : NULL,
+                                   .text_size = a->text,
+                                   .mirrored = a->mirrored,
+                                   .ask_knowledge = a->ask,
+                                   .opening = show_opening,
+                                   .wake = wake_window,
+                                   .wake_self = watch};
+}
+
+static enum status watch_open(struct watch *watch, const struct viewer_options *from)
+{
+    const struct watch_arguments *a = watch->arguments;
+    struct viewer_options how = *from;
+    const struct window_options screen = {"Reenact", a->size[0], a->size[1], how.fullscreen, a->rotate / 90, a->dpi};
     enum status status = window_open(&watch->screen, &screen);
     if (status == OK)
         status = gpu_adopt(&watch->gpu);
     if (status != OK)
         return status;
-    const struct viewer_options how = {.file = a->file,
-                                       .take = a->take,
-                                       .camera = *camera && strcmp(camera, "none") ? camera : NULL,
-                                       .sensor = a->sensor,
-                                       .no_body_points = a->no_body_points,
-                                       .photos = a->photos,
-                                       .light = a->light,
-                                       .developer = a->developer,
-                                       .settings = keeps ? settings : NULL,
-                                       .text_size = a->text,
-                                       .mirrored = a->mirrored,
-                                       .ask_knowledge = a->ask,
-                                       .refresh_hz = window_refresh_hz(watch->screen),
-                                       .opening = show_opening,
-                                       .wake = wake_window,
-                                       .wake_self = watch};
-    watch->fullscreen = watch->viewer.state.fullscreen = a->fullscreen;
+    how.refresh_hz = window_refresh_hz(watch->screen);
+    watch->fullscreen = how.fullscreen;
     return viewer_open(&watch->viewer, watch->gpu, &how);
 }
 
@@ -231,25 +239,16 @@ static void watch_close(struct watch *watch)
 // After the graphics device was lost (driver reset, suspend): everything on it is created again, and the take restarts.
 static enum status watch_reopen(struct watch *watch)
 {
-    const struct viewer *viewer = &watch->viewer;
-    struct watch_arguments again = *watch->arguments;
-    char *take = viewer->take_view ? strdup(viewer->takes.cards[viewer->state.take].name) : NULL;
-    again.take = take ? take : again.take;
-    again.light = !viewer->state.dark;
-    again.text = viewer->state.text_size;
-    again.mirrored = viewer->options.sensor ? viewer->state.live.mirrored : viewer->state.placement.mirrored;
-    again.fullscreen = watch->fullscreen;
+    struct viewer_options again = viewer_options_again(watch->viewer);
+    char *take = again.take ? strdup(again.take) : NULL;
+    again.take = take;
     watch_close(watch);
+    free(watch->take);
+    watch->take = take;
     watch->status_text[0] = 0;
     watch->placed_before = 0;
     watch->hidden = false;
-    const struct watch_arguments *given = watch->arguments;
-    watch->arguments = &again;
-    enum status status = watch_open(watch);
-    watch->arguments = given;
-    watch->viewer.options.take = given->take; // `take` is freed below
-    free(take);
-    return status;
+    return watch_open(watch, &again);
 }
 
 // ---------------------------------------------------------------- the loop
@@ -263,8 +262,8 @@ static void handle_events(struct watch *watch, int wait_ms)
         if (event.kind == WINDOW_NO_EVENT)
             return;
         if (event.kind == WINDOW_HIDDEN || event.kind == WINDOW_SHOWN)
-            viewer_suspend(&watch->viewer, watch->hidden = event.kind == WINDOW_HIDDEN, clock_now_ns());
-        if (viewer_event(&watch->viewer, &event, px_per_dp(watch), clock_now_ns()))
+            viewer_suspend(watch->viewer, watch->hidden = event.kind == WINDOW_HIDDEN, clock_now_ns());
+        if (viewer_event(watch->viewer, &event, px_per_dp(watch), clock_now_ns()))
             return;
     }
 }
@@ -272,42 +271,32 @@ static void handle_events(struct watch *watch, int wait_ms)
 // Prints what the screen shows when it changes, for tests and logs.
 static void print_status_change(struct watch *watch)
 {
-    const struct viewer *viewer = &watch->viewer;
-    const char *hint = view_state_hint(&viewer->state), *shown = hint;
-    if (!hint)
-        shown = viewer->placed > watch->placed_before ? "the actor in place" : watch->status_text;
+    const struct viewer_shown so_far = viewer_shown(watch->viewer);
+    const char *shown = so_far.hint;
+    if (!shown)
+        shown = so_far.with_actor > watch->placed_before ? "the actor in place" : watch->status_text;
     if (strcmp(shown, watch->status_text))
         printf("shows     %s\n", shown);
     fflush(stdout);
     snprintf(watch->status_text, sizeof watch->status_text, "%s", shown);
-    if (hint)
-        watch->placed_before = viewer->placed;
-}
-
-// What was pressed while another page was on the screen was not meant for this one.
-static void drop_older_input(struct watch *watch)
-{
-    const int page = watch->viewer.input.shown_page;
-    if (page != watch->page_shown) {
-        window_drop_input(watch->screen);
-        input_map_forget(&watch->viewer.input);
-    }
-    watch->page_shown = page;
+    if (so_far.hint)
+        watch->placed_before = so_far.with_actor;
 }
 
 static enum status draw_window(struct watch *watch, int64_t now_ns)
 {
     struct viewer_surface surface;
     surface_of(watch, &surface);
-    if (watch->fullscreen != watch->viewer.state.fullscreen)
-        window_fullscreen(watch->screen, watch->fullscreen = watch->viewer.state.fullscreen);
-    enum status status = viewer_draw(&watch->viewer, &surface, now_ns);
+    const bool fullscreen = viewer_query(watch->viewer).fullscreen;
+    if (watch->fullscreen != fullscreen)
+        window_fullscreen(watch->screen, watch->fullscreen = fullscreen);
+    enum status status = viewer_draw(watch->viewer, &surface, now_ns);
     if (status != OK)
         return status;
     window_present(watch->screen);
-    drop_older_input(watch);
     watch->shown_ns = clock_now_ns();
-    viewer_presented(&watch->viewer, watch->shown_ns);
+    if (viewer_presented(watch->viewer, watch->shown_ns))
+        window_drop_input(watch->screen);
     if (watch->arguments->stats) {
         print_milestones(watch);
         print_status_change(watch);
@@ -317,10 +306,9 @@ static enum status draw_window(struct watch *watch, int64_t now_ns)
 
 static enum status watch_loop(struct watch *watch)
 {
-    struct view_state *s = &watch->viewer.state;
     const int64_t frame_ns = (int64_t)(1e9 / window_refresh_hz(watch->screen));
     int64_t due_ns = 0;
-    while (!command_stopped() && !s->quit) {
+    while (!command_stopped() && !viewer_query(watch->viewer).quit) {
         int64_t now_ns = clock_now_ns();
         int64_t wait_ns = watch->hidden ? 500000000 : due_ns - now_ns;
         if (watch->until_ns && watch->until_ns - now_ns < wait_ns)
@@ -331,42 +319,18 @@ static enum status watch_loop(struct watch *watch)
             return OK;
         if (watch->hidden)
             continue;
-        due_ns = viewer_update(&watch->viewer, now_ns);
-        window_type(watch->screen, view_state_types(s));
-        if (s->changed) {
+        due_ns = viewer_update(watch->viewer, now_ns);
+        window_type(watch->screen, viewer_query(watch->viewer).type);
+        if (viewer_query(watch->viewer).draw) {
             enum status status = draw_window(watch, now_ns);
             if (status != OK)
                 return status;
         }
         // Animations run at the display's rate, also where presenting does not wait for it.
-        if ((s->changed || due_ns <= now_ns) && due_ns < watch->shown_ns + frame_ns)
+        if ((viewer_query(watch->viewer).draw || due_ns <= now_ns) && due_ns < watch->shown_ns + frame_ns)
             due_ns = now_ns + frame_ns - (clock_now_ns() - now_ns);
     }
     return OK;
-}
-
-static void print_stats(const struct watch *watch)
-{
-    const struct frame_times *t = &watch->viewer.times;
-    struct camera_feed_state feed =
-        watch->viewer.feed ? camera_feed_query(watch->viewer.feed) : (struct camera_feed_state){0};
-    printf("screen    %s, %s\n", window_driver(watch->screen), gpu_renderer(watch->gpu));
-    printf("pictures  %lld from the camera, %lld skipped, %lld drawn, %lld with the actor in place\n",
-           (long long)feed.received, (long long)feed.dropped, (long long)t->frames, (long long)watch->viewer.placed);
-    if (watch->viewer.camera_texture) {
-        struct camera_texture_counts c = camera_texture_count(watch->viewer.camera_texture);
-        printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.imported,
-               (long long)c.uploaded, *c.why ? ": " : "", c.why);
-    }
-    if (watch->viewer.live.sensor) {
-        const struct live_sensor_state s = live_sensor_query(watch->viewer.live.sensor);
-        printf("sensor    %lld frames tracked, %lld not; body points in %lld of their images%s%s\n",
-               (long long)s.received, (long long)s.dropped, (long long)s.looked, *s.no_body_points ? ": " : "",
-               s.no_body_points);
-    }
-    for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
-        printf("%-9s %7.2f ms\n", frame_stage_names[i], t->sum_ms[i] / (double)t->frames);
-    printf("in all    %7.2f ms in the median, %.2f ms at most\n", frame_times_median(t), t->total_worst_ms);
 }
 
 int reenact_watch(int argc, char **argv)
@@ -396,21 +360,25 @@ int reenact_watch(int argc, char **argv)
     struct failure nothing_to_watch;
     enum status status = check_file(&given);
     failure_keep(&nothing_to_watch, status);
+    const struct viewer_options first = options_of(&watch);
     if (status == OK || given.say_in_window)
-        status = watch_open(&watch);
+        status = watch_open(&watch, &first);
     if (given.seconds > 0)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)
         status = watch_loop(&watch);
     // A device that is lost within a few frames is not opened again.
-    while (status == ERR_DEVICE && watch.viewer.times.frames >= MIN_DRAWN_FRAMES) {
+    while (status == ERR_DEVICE && watch.viewer && viewer_shown(watch.viewer).frames >= MIN_DRAWN_FRAMES) {
         status = watch_reopen(&watch);
         if (status == OK)
             status = watch_loop(&watch);
     }
-    if (status == OK && given.stats)
-        print_stats(&watch);
+    if (status == OK && given.stats) {
+        printf("screen    %s, %s\n", window_driver(watch.screen), gpu_renderer(watch.gpu));
+        viewer_print_stats(watch.viewer, stdout);
+    }
     watch_close(&watch);
+    free(watch.take);
     if (status == OK)
         status = failure_restore(&nothing_to_watch);
     else if (given.say_in_window) // no window that could say it, or it failed

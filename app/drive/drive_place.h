@@ -4,7 +4,7 @@
 // what is known is seen through walls, too. One thread, the GPU's.
 #pragma once
 #include "app/place/robot_place.h"
-#include "app/viewer/viewer_room.h"
+#include "app/viewer/room_things.h"
 #include "surround/surroundings.h"
 
 struct drive_place {

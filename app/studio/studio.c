@@ -91,8 +91,7 @@ enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_o
 void studio_close(struct studio *studio)
 {
     studio_session_close(&studio->session);
-    if (studio->playing)
-        viewer_close(&studio->viewer);
+    viewer_close(&studio->viewer);
     gpu_texture_close(&studio->color);
     gpu_texture_close(&studio->depth);
     gpu_texture_close(&studio->plan);
@@ -148,10 +147,11 @@ static enum status close_playback(struct studio *studio)
 {
     if (!studio->playing)
         return OK;
-    if (studio->viewer.state.text_size > 0) { // it could be opened; what was chosen there is in the file
-        studio->settings = studio->viewer.settings;
-        studio->state.dark = studio->viewer.state.dark;
-        studio->state.text_size = studio->viewer.state.text_size;
+    if (studio->viewer) { // it could be opened; what was chosen there is in the file
+        const struct viewer_wishes wishes = viewer_query(studio->viewer);
+        studio->settings = *wishes.keeps;
+        studio->state.dark = wishes.dark;
+        studio->state.text_size = wishes.text_size;
     }
     viewer_close(&studio->viewer);
     studio->playing = false;
@@ -317,14 +317,15 @@ int64_t studio_update(struct studio *studio, int64_t now_ns)
         keep_settings(studio);
         return next_ns;
     }
-    const int64_t viewer_ns = viewer_update(&studio->viewer, now_ns);
-    if (studio->viewer.state.trim.wanted) {
-        studio->state.trim_from_ns = studio->viewer.state.trim.from_ns;
-        studio->state.trim_to_ns = studio->viewer.state.trim.to_ns;
+    const int64_t viewer_ns = viewer_update(studio->viewer, now_ns);
+    const struct viewer_wishes wishes = viewer_query(studio->viewer);
+    if (wishes.trim) {
+        studio->state.trim_from_ns = wishes.trim_from_ns;
+        studio->state.trim_to_ns = wishes.trim_to_ns;
         studio_do(&studio->state, STUDIO_TRIM, now_ns);
         return now_ns;
     }
-    if (studio->viewer.state.quit || studio->viewer.state.page == PAGE_TAKES) {
+    if (wishes.quit || wishes.to_takes) {
         studio_do(&studio->state, STUDIO_BACK, now_ns);
         return now_ns;
     }
@@ -333,12 +334,12 @@ int64_t studio_update(struct studio *studio, int64_t now_ns)
 
 bool studio_changed(const struct studio *studio)
 {
-    return studio->state.changed || (studio->playing && studio->viewer.state.changed);
+    return studio->state.changed || (studio->playing && viewer_query(studio->viewer).draw);
 }
 
 bool studio_types(const struct studio *studio)
 {
-    return studio->playing ? view_state_types(&studio->viewer.state) : studio->state.page == STUDIO_RENAME;
+    return studio->playing ? viewer_query(studio->viewer).type : studio->state.page == STUDIO_RENAME;
 }
 
 bool studio_finished(const struct studio *studio)
@@ -394,7 +395,7 @@ bool studio_event(struct studio *studio, const struct window_event *event, doubl
         return true;
     }
     if (studio->playing)
-        return viewer_event(&studio->viewer, event, px_per_dp, now_ns);
+        return viewer_event(studio->viewer, event, px_per_dp, now_ns);
     if (!input_map_is_meant(&studio->input, (int)studio->state.page, event)) {
         input_map_forget(&studio->input);
         return false;
@@ -461,7 +462,7 @@ enum status studio_draw(struct studio *s, const struct viewer_surface *surface, 
     const int page = (int)s->state.page; // a button that is touched while it is drawn may lead to another
     s->state.changed = false;
     if (s->playing)
-        return viewer_draw(&s->viewer, surface, now_ns);
+        return viewer_draw(s->viewer, surface, now_ns);
     enum status status = write_textures(s);
     if (status == OK)
         status = write_plan(s);

@@ -2,6 +2,8 @@
 // the GPU's; the session has threads of its own.
 #pragma once
 #include "app/studio/studio_screen.h"
+#include "app/ui/input_map.h"
+#include "app/viewer/settings_file.h"
 #include "app/viewer/viewer.h"
 #include "platform/screen/sound.h"
 
@@ -41,7 +43,7 @@ struct studio {
     int gestures, takes_ready, rooms_ready, rooms_not_kept; // of the snapshot, handled
     bool no_points_told;                                    // why no body points are looked for
     struct settings_keeper settings;                        // colours and text size; the others are the viewer's
-    struct viewer viewer;                                   // page PLAYBACK
+    struct viewer *viewer;                                  // page PLAYBACK; NULL: it could not be opened
     bool playing;
     struct sound *sound; // NULL: silent
 };

@@ -158,6 +158,27 @@ struct lens take_view_orbit_lens(int width, int height, struct ui_box free)
     return (struct lens){width, height, f, f, x, y, 0, 0, 0, 0, 0, 0, 0};
 }
 
+// ---------------------------------------------------------------- request
+
+static bool pose_equal(const struct pose *a, const struct pose *b)
+{
+    const struct quat p = a->rotation, q = b->rotation;
+    const struct vec3 s = a->translation, t = b->translation;
+    return p.w == q.w && p.x == q.x && p.y == q.y && p.z == q.z && s.x == t.x && s.y == t.y && s.z == t.z;
+}
+
+bool take_view_request_equal(const struct take_view_request *a, const struct take_view_request *b)
+{
+    const struct placement *p = &a->placement, *q = &b->placement;
+    return lens_equal(&a->lens, &b->lens) && pose_equal(&a->world_from_camera, &b->world_from_camera) &&
+           a->time_ns == b->time_ns && a->playing == b->playing && a->loop == b->loop && p->x_m == q->x_m &&
+           p->y_m == q->y_m && p->yaw_rad == q->yaw_rad && p->mirrored == q->mirrored &&
+           a->resolution_scale == b->resolution_scale && a->error_px == b->error_px && a->sources == b->sources &&
+           a->inset == b->inset && a->camera_lost == b->camera_lost && a->in_room == b->in_room &&
+           a->sensor == b->sensor && a->overlay == b->overlay && a->camera == b->camera &&
+           a->camera_number == b->camera_number;
+}
+
 // ---------------------------------------------------------------- placement
 
 static struct vec3 reflect_point(const struct take_view *view, struct vec3 p)

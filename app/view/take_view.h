@@ -60,6 +60,9 @@ struct take_view_request {
     const struct overlay *overlay;    // at its own depth over the actor, world axes; NULL: nothing
 };
 
+// Whether two requests would draw the same. Compares the fields, not the bytes: padding does not count.
+bool take_view_request_equal(const struct take_view_request *a, const struct take_view_request *b);
+
 struct take_view_image {
     struct lens lens;
     struct pose world_from_camera;

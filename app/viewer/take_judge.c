@@ -1,61 +1,10 @@
 #include "app/viewer/take_judge.h"
 
-#include "app/viewer/viewer.h"
-#include "base/clock.h"
 #include "base/threads.h"
 #include "capture/take_verdict.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-// ---------------------------------------------------------------- viewer takes
-
-static const int64_t CARDS_NS = 50000000; // how long one update may complete cards; chosen by hand
-
-static void adopt_verdict(struct viewer *viewer)
-{
-    struct take_verdict verdict;
-    int number;
-    bool good;
-    if (!viewer->judge || !take_judge_take(viewer->judge, &number, &verdict, &good))
-        return;
-    if (good)
-        take_list_say(&viewer->takes.cards[number], &verdict);
-    else
-        viewer->takes.cards[number].unjudgeable = true;
-    viewer->state.changed = true;
-}
-
-// A thread for which there is no memory is tried again with the next update.
-static void ask_for_verdict(struct viewer *viewer)
-{
-    const int wanted = take_list_unjudged(&viewer->takes, viewer->screens.first_in_sight, viewer->screens.end_in_sight);
-    if (wanted < 0)
-        return;
-    if (viewer->judge ||
-        take_judge_start(&viewer->judge, viewer->options.file, viewer->options.wake, viewer->options.wake_self) == OK)
-        status_ignore(take_judge_ask(viewer->judge, wanted,
-                                     viewer->takes.cards[wanted].name)); // asked again with the next update
-}
-
-bool viewer_takes_update(struct viewer *viewer)
-{
-    if (viewer->state.page != PAGE_TAKES || !viewer->recording)
-        return false;
-    const int64_t until_ns = clock_now_ns() + CARDS_NS;
-    enum status status = OK;
-    while (status == OK && clock_now_ns() < until_ns) {
-        status = take_list_load(&viewer->takes, viewer->gpu, viewer->recording, viewer->screens.first_in_sight,
-                                viewer->screens.end_in_sight);
-        viewer->state.changed |= status == OK;
-    }
-    adopt_verdict(viewer);
-    if (status == NOTHING)
-        ask_for_verdict(viewer);
-    return status == OK;
-}
-
-// ---------------------------------------------------------------- take judge
 
 struct take_judge {
     char *path;

@@ -5,17 +5,6 @@
 
 #include <stdbool.h>
 
-// ---------------------------------------------------------------- viewer takes
-
-// The viewer's list of takes: its cards are completed, and those judged whose file keeps no verdict.
-
-struct viewer;
-
-// Call while the takes are listed. True: there are cards left to complete.
-bool viewer_takes_update(struct viewer *viewer);
-
-// ---------------------------------------------------------------- take judge
-
 struct take_judge;
 
 // notify, which may be NULL, is called on the thread when a verdict is there. ERR_MEMORY: *out is NULL.

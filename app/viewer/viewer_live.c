@@ -1,6 +1,11 @@
+// The viewer's part for doing the move beside the actor.
+#include "app/live/live_attempt.h"
 #include "app/live/live_occlusion.h"
+#include "app/live/live_sensor.h"
 #include "app/live/pose_figure.h"
-#include "app/viewer/viewer.h"
+#include "app/ui/screen_live.h"
+#include "app/viewer/viewer_inside.h"
+#include "app/viewer/viewer_parts.h"
 #include "base/clamp.h"
 #include "base/clock.h"
 #include "compare/findings.h"
@@ -18,6 +23,48 @@ static const double BEHIND_S = 1.5, AHEAD_S = 0.6;   // about the actor's instan
 static const double NEXT_S = 0.45;                   // the ghost is so far ahead of the person
 static const double FIGURE_MIDDLE_M = 0.85;          // of the summary's figures, over their feet
 static const int64_t FROZEN_NS = 1500000000;
+
+// The frame of the take and that of the live world put together: the actor's beginning beside the person.
+struct live_anchor {
+    bool known;
+    double yaw_rad;           // by which a live direction is turned to be one of the take's
+    struct vec3 person, left; // of the person, live world: on the floor; the unit vector to the left
+    struct vec3 actor;        // of the actor, take's world: on the floor
+};
+
+struct viewer_live {
+    struct viewer_shared *shared;
+    struct live_keeper *keeper;
+    struct live_sensor *sensor;
+    struct movement reference;      // of the take
+    struct movement mirrored;       // its mirror image
+    int64_t offset_ns;              // of its first frame in the take
+    struct body body;               // the actor's
+    const struct live_frame *frame; // the newest at the last update; NULL: none
+    struct live_anchor anchor;
+    bool image_mirrored; // shared->image shows the actor mirrored
+
+    struct gpu_texture *picture, *front; // of the sensor's colour image
+    bool has_front;                      // something stands before the actor in it
+    int64_t uploaded;                    // number of the frame in `picture`
+    uint8_t *rgba;                       // scratch, of `pixels`
+    float *scratch;
+    size_t pixels;
+
+    int finished;       // of live_state, as seen last
+    int32_t first, end; // the reference's frames that are done
+    struct attempt_judge *judge;
+    struct live_attempt shown; // of the summary
+    int kept;                  // live_keeper_state.kept, as seen last
+    bool no_points_told;       // that no body points are looked for
+
+    // what the page borrows
+    enum verdict verdicts[PART_COUNT], review_verdicts[PART_COUNT];
+    struct skeleton person, ghost, attempt_figure, reference_figure;
+    struct live_page page;
+    struct overlay_stroke strokes[2 * FIGURE_STROKES_MAX]; // of the room: person and ghost
+    struct overlay overlay;
+};
 
 static int32_t frame_at(const struct viewer_live *live, int64_t take_ns)
 {
@@ -38,22 +85,21 @@ static const struct movement *reference_of(const struct viewer_live *live, bool 
 
 // ---------------------------------------------------------------- opening
 
-static enum status read_take(struct viewer *viewer, const char *name)
+static enum status read_take(struct viewer_live *live, const char *name)
 {
-    struct viewer_live *l = &viewer->live;
     struct movement_source source;
     struct take *take = NULL;
-    enum status status = movement_read(viewer->options.file, name, &l->reference, &source);
+    enum status status = movement_read(live->shared->options.file, name, &live->reference, &source);
     if (status == OK)
-        status = movement_mirror(&l->reference, &l->mirrored);
+        status = movement_mirror(&live->reference, &live->mirrored);
     if (status == OK)
-        status = take_open(&take, viewer->recording, name);
+        status = take_open(&take, live->shared->recording, name);
     if (status != OK)
         return status;
-    l->body = *take_body(take);
+    live->body = *take_body(take);
     const int64_t first = take_first_sample(take);
     if (first >= 0)
-        l->offset_ns = take_entry(take, first)->time_ns - take_entry(take, 0)->time_ns;
+        live->offset_ns = take_entry(take, first)->time_ns - take_entry(take, 0)->time_ns;
     take_close(&take);
     return OK;
 }
@@ -72,86 +118,96 @@ static void close_take(struct viewer_live *live)
     live->kept = 0;
 }
 
-enum status viewer_live_open_take(struct viewer *v, const char *take)
+enum status viewer_live_open_take(struct viewer_live *live, const char *take)
 {
-    struct viewer_live *l = &v->live;
-    close_take(l);
-    enum status status = read_take(v, take);
+    close_take(live);
+    enum status status = read_take(live, take);
     if (status != OK)
         return status;
-    l->end = l->reference.count;
-    const struct place *place = v->has_place ? &v->place : NULL;
-    const struct live_keeper_options keep = {v->options.file, place};
-    status = live_keeper_open(&l->keeper, &keep);
-    const struct live_sensor_options how = {.sensor = v->options.sensor,
+    live->end = live->reference.count;
+    const struct place *place = live->shared->has_place ? &live->shared->place : NULL;
+    const struct live_keeper_options keep = {live->shared->options.file, place};
+    status = live_keeper_open(&live->keeper, &keep);
+    const struct live_sensor_options how = {.sensor = live->shared->options.sensor,
                                             .place = place,
-                                            .reference = &l->reference,
-                                            .mirrored = &l->mirrored,
-                                            .keeper = l->keeper,
-                                            .no_body_points = v->options.no_body_points,
-                                            .every_frame = v->options.every_frame,
-                                            .notify = v->options.wake,
-                                            .notify_self = v->options.wake_self};
-    return status == OK ? live_sensor_open(&l->sensor, &how) : status;
+                                            .reference = &live->reference,
+                                            .mirrored = &live->mirrored,
+                                            .keeper = live->keeper,
+                                            .no_body_points = live->shared->options.no_body_points,
+                                            .every_frame = live->shared->options.every_frame,
+                                            .notify = live->shared->options.wake,
+                                            .notify_self = live->shared->options.wake_self};
+    return status == OK ? live_sensor_open(&live->sensor, &how) : status;
 }
 
-void viewer_live_close(struct viewer *viewer)
+enum status viewer_live_open(struct viewer_live **out, struct viewer_shared *shared)
 {
-    struct viewer_live *l = &viewer->live;
+    struct viewer_live *l = *out = calloc(1, sizeof *l);
+    if (!l)
+        return fail(ERR_MEMORY, "no memory for the live screens");
+    l->shared = shared;
+    return OK;
+}
+
+void viewer_live_close(struct viewer_live **live)
+{
+    struct viewer_live *l = *live;
+    if (!l)
+        return;
     close_take(l);
     gpu_texture_close(&l->picture);
     gpu_texture_close(&l->front);
     free(l->rgba);
     free(l->scratch);
+    free(l);
+    *live = NULL;
 }
 
-void viewer_live_suspend(struct viewer *viewer, bool suspend)
+void viewer_live_suspend(struct viewer_live *live, bool suspend)
 {
-    if (viewer->live.sensor)
-        live_sensor_suspend(viewer->live.sensor, suspend);
+    if (live->sensor)
+        live_sensor_suspend(live->sensor, suspend);
 }
 
 // ---------------------------------------------------------------- time
 
-static void tell_sight(struct viewer *viewer, int64_t now_ns)
+static void tell_sight(struct viewer_live *live, int64_t now_ns)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_sensor_state state = live_sensor_query(l->sensor);
-    const struct live_frame *f = l->frame;
+    const struct live_sensor_state state = live_sensor_query(live->sensor);
+    const struct live_frame *f = live->frame;
     struct live_sight sight = {.seeing =
                                    state.seeing && f &&
                                    (state.film || now_ns - state.received_ns < FROZEN_NS), // a film waits, or is late
-                               .ended = state.ended && f && f->attempt == viewer->state.live.attempt,
+                               .ended = state.ended && f && f->attempt == live->shared->state.live.attempt,
                                .frame = f ? f->number : 0,
                                .trouble = state.trouble};
     if (f) {
         const struct live_look *look = &f->look;
         sight.person = look->person;
         sight.second_person = look->second_person;
-        sight.in_place = look->in_place && take_view_is_located(viewer->take_view);
-        sight.located = look->located && take_view_is_located(viewer->take_view);
-        sight.judged = look->judged && f->attempt == viewer->state.live.attempt;
-        sight.reference_ns = take_time_of(l, look->reference);
+        sight.in_place = look->in_place && take_view_is_located(live->shared->take_view);
+        sight.located = look->located && take_view_is_located(live->shared->take_view);
+        sight.judged = look->judged && f->attempt == live->shared->state.live.attempt;
+        sight.reference_ns = take_time_of(live, look->reference);
         sight.away_rad = look->away_rad;
     }
-    live_state_on_sight(&viewer->state.live, &sight, now_ns);
-    if (*state.no_body_points && !l->no_points_told) { // once; what is tracked from depth alone is less sure
+    live_state_on_sight(&live->shared->state.live, &sight, now_ns);
+    if (*state.no_body_points && !live->no_points_told) { // once; what is tracked from depth alone is less sure
         char notice[200];
         snprintf(notice, sizeof notice, "Tracked from depth alone: %.150s", state.no_body_points);
-        view_state_notify(&viewer->state, notice, now_ns);
-        l->no_points_told = true;
+        view_state_notify(&live->shared->state, notice, now_ns);
+        live->no_points_told = true;
     }
 }
 
-static void adopt_result(struct viewer *viewer, int64_t now_ns)
+static void adopt_result(struct viewer_live *live, int64_t now_ns)
 {
-    struct viewer_live *l = &viewer->live;
     struct live_attempt attempt;
-    if (!l->judge || !attempt_judge_finished(l->judge, &attempt))
+    if (!live->judge || !attempt_judge_finished(live->judge, &attempt))
         return;
-    attempt_judge_close(&l->judge);
-    live_attempt_free(&l->shown);
-    l->shown = attempt;
+    attempt_judge_close(&live->judge);
+    live_attempt_free(&live->shown);
+    live->shown = attempt;
     const struct joint_samples *s = &attempt.samples;
     const int64_t length_ns = s->count ? s->at[s->count - 1].time_ns : 0;
     const struct comparison *c = &attempt.comparison;
@@ -160,88 +216,85 @@ static void adopt_result(struct viewer *viewer, int64_t now_ns)
                                        .length_s = (double)length_ns * 1e-9,
                                        .findings = attempt.comparison.finding_count,
                                        .compared = attempt.compared};
-    live_state_on_result(&viewer->state.live, &result, length_ns, now_ns);
-    viewer->state.changed = true;
+    live_state_on_result(&live->shared->state.live, &result, length_ns, now_ns);
+    live->shared->state.changed = true;
 }
 
-static void tell_kept(struct viewer *viewer, int64_t now_ns)
+static void tell_kept(struct viewer_live *live, int64_t now_ns)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_keeper_state state = live_keeper_query(l->keeper);
-    if (state.kept == l->kept)
+    const struct live_keeper_state state = live_keeper_query(live->keeper);
+    if (state.kept == live->kept)
         return;
-    l->kept = state.kept;
+    live->kept = state.kept;
     if (state.failed)
-        view_state_warn(&viewer->state, state.sentence, now_ns);
+        view_state_warn(&live->shared->state, state.sentence, now_ns);
     else
-        view_state_notify(&viewer->state, state.sentence, now_ns);
+        view_state_notify(&live->shared->state, state.sentence, now_ns);
 }
 
-void viewer_live_update(struct viewer *viewer, int64_t now_ns)
+void viewer_live_update(struct viewer_live *live, int64_t now_ns)
 {
-    struct viewer_live *l = &viewer->live;
-    if (!l->sensor)
+    if (!live->sensor)
         return;
-    const int64_t before = l->frame ? l->frame->number : 0;
-    l->frame = live_sensor_latest(l->sensor);
-    viewer->state.changed |= l->frame && l->frame->number != before && viewer->state.page == PAGE_LIVE;
-    tell_sight(viewer, now_ns);
-    adopt_result(viewer, now_ns);
-    tell_kept(viewer, now_ns);
+    const int64_t before = live->frame ? live->frame->number : 0;
+    live->frame = live_sensor_latest(live->sensor);
+    live->shared->state.changed |=
+        live->frame && live->frame->number != before && live->shared->state.page == PAGE_LIVE;
+    tell_sight(live, now_ns);
+    adopt_result(live, now_ns);
+    tell_kept(live, now_ns);
 }
 
 // An attempt has ended: judged on a thread of its own.
-static void judge_attempt(struct viewer *viewer, int64_t now_ns)
+static void judge_attempt(struct viewer_live *live, int64_t now_ns)
 {
-    struct viewer_live *l = &viewer->live;
     struct joint_samples samples;
-    if (l->judge) { // a loop that is shorter than judging it takes: the former is not shown
-        attempt_judge_close(&l->judge);
+    if (live->judge) { // a loop that is shorter than judging it takes: the former is not shown
+        attempt_judge_close(&live->judge);
     }
-    if (live_sensor_take_samples(l->sensor, viewer->state.live.finished, &samples) < 0)
-        view_state_warn(&viewer->state, status_message(), now_ns);
-    const bool mirrored = viewer->state.live.attempt_mirrored;
-    const struct attempt_task task = {.reference = reference_of(l, mirrored),
+    if (live_sensor_take_samples(live->sensor, live->shared->state.live.finished, &samples) < 0)
+        view_state_warn(&live->shared->state, status_message(), now_ns);
+    const bool mirrored = live->shared->state.live.attempt_mirrored;
+    const struct attempt_task task = {.reference = reference_of(live, mirrored),
                                       .mirrored = mirrored,
-                                      .first = l->first,
-                                      .end = l->end,
-                                      .number = viewer->state.live.finished,
-                                      .notify = viewer->options.wake,
-                                      .notify_self = viewer->options.wake_self};
-    if (attempt_judge_start(&l->judge, &task, &samples) != OK) {
+                                      .first = live->first,
+                                      .end = live->end,
+                                      .number = live->shared->state.live.finished,
+                                      .notify = live->shared->options.wake,
+                                      .notify_self = live->shared->options.wake_self};
+    if (attempt_judge_start(&live->judge, &task, &samples) != OK) {
         const struct live_result none = {0};
-        live_attempt_free(&l->shown);
-        l->shown.number = viewer->state.live.finished;
-        snprintf(l->shown.why, sizeof l->shown.why, "%.199s", status_message());
-        live_state_on_result(&viewer->state.live, &none, 0, now_ns);
+        live_attempt_free(&live->shown);
+        live->shown.number = live->shared->state.live.finished;
+        snprintf(live->shown.why, sizeof live->shown.why, "%.199s", status_message());
+        live_state_on_result(&live->shared->state.live, &none, 0, now_ns);
     }
 }
 
-void viewer_live_after_tick(struct viewer *viewer, int64_t now_ns)
+void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
 {
-    struct viewer_live *l = &viewer->live;
-    struct live_state *s = &viewer->state.live;
-    if (!l->sensor)
+    struct live_state *s = &live->shared->state.live;
+    if (!live->sensor)
         return;
-    if (s->finished != l->finished) {
-        l->finished = s->finished;
-        judge_attempt(viewer, now_ns);
+    if (s->finished != live->finished) {
+        live->finished = s->finished;
+        judge_attempt(live, now_ns);
     }
-    const int32_t at = frame_at(l, s->at_ns);
-    l->first = frame_at(l, s->marked_from_ns);
-    l->end = frame_at(l, s->marked_to_ns) + 1;
+    const int32_t at = frame_at(live, s->at_ns);
+    live->first = frame_at(live, s->marked_from_ns);
+    live->end = frame_at(live, s->marked_to_ns) + 1;
     const int32_t behind = at - (int32_t)(BEHIND_S * MOVEMENT_RATE_HZ),
                   ahead = at + (int32_t)(AHEAD_S * MOVEMENT_RATE_HZ);
     const struct live_wish wish = {.attempt = s->attempt,
                                    .run = s->phase == LIVE_DOING,
                                    .shown = {.frame = at,
-                                             .first = behind > l->first ? behind : l->first,
-                                             .end = ahead < l->end ? ahead : l->end,
+                                             .first = behind > live->first ? behind : live->first,
+                                             .end = ahead < live->end ? ahead : live->end,
                                              .mirrored = s->mirrored}};
-    live_sensor_wish(l->sensor, &wish);
+    live_sensor_wish(live->sensor, &wish);
     if (s->keep_wanted) {
         s->keep_wanted = false;
-        live_keeper_keep(l->keeper);
+        live_keeper_keep(live->keeper);
     }
 }
 
@@ -268,29 +321,28 @@ static bool find_stance(const struct skeleton *skeleton, struct vec3 *floor_poin
 }
 
 // While nothing moves: the actor is put beside the person, facing alike.
-static void update_anchor(struct viewer *viewer)
+static void update_anchor(struct viewer_live *live)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_state *s = &viewer->state.live;
+    const struct live_state *s = &live->shared->state.live;
     struct vec3 person, left, actor, actor_left;
-    if ((s->phase == LIVE_DOING && l->anchor.known) || s->phase == LIVE_SUMMARY || !l->frame ||
-        !l->frame->look.person || !viewer->image.has_skeleton ||
-        !find_stance(&l->frame->look.in_world, &person, &left) ||
-        !find_stance(&viewer->image.skeleton, &actor, &actor_left))
+    if ((s->phase == LIVE_DOING && live->anchor.known) || s->phase == LIVE_SUMMARY || !live->frame ||
+        !live->frame->look.person || !live->shared->image.has_skeleton ||
+        !find_stance(&live->frame->look.in_world, &person, &left) ||
+        !find_stance(&live->shared->image.skeleton, &actor, &actor_left))
         return;
-    if (l->image_mirrored) // the joints are where the mirror shows them, under their own names
+    if (live->image_mirrored) // the joints are where the mirror shows them, under their own names
         actor_left = v3_scale(actor_left, -1);
-    l->anchor = (struct live_anchor){.known = true,
-                                     .yaw_rad = atan2(actor_left.y, actor_left.x) - atan2(left.y, left.x),
-                                     .person = person,
-                                     .left = left,
-                                     .actor = actor};
+    live->anchor = (struct live_anchor){.known = true,
+                                        .yaw_rad = atan2(actor_left.y, actor_left.x) - atan2(left.y, left.x),
+                                        .person = person,
+                                        .left = left,
+                                        .actor = actor};
 }
 
 // offset_m: how far to the person's left the actor stands.
-static struct pose take_from_live(const struct viewer *viewer, double offset_m)
+static struct pose take_from_live(const struct viewer_live *live, double offset_m)
 {
-    const struct live_anchor *a = &viewer->live.anchor;
+    const struct live_anchor *a = &live->anchor;
     if (!a->known)
         return POSE_IDENTITY;
     const struct quat turn = quat_from_rotation_vector(v3(0, 0, a->yaw_rad));
@@ -299,98 +351,96 @@ static struct pose take_from_live(const struct viewer *viewer, double offset_m)
 }
 
 // Horizontal, to the right of the picture: the figures stand so beside each other from whatever side they are seen.
-static struct vec3 picture_right(const struct viewer *viewer)
+static struct vec3 picture_right(const struct viewer_live *live)
 {
-    return quat_rotate(orbit_world_from_camera(&viewer->state.live.orbit).rotation, v3(1, 0, 0));
+    return quat_rotate(orbit_world_from_camera(&live->shared->state.live.orbit).rotation, v3(1, 0, 0));
 }
 
 // ---------------------------------------------------------------- the page
 
-static void fill_verdicts(struct viewer *viewer)
+static void fill_verdicts(struct viewer_live *live)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_look *look = &l->frame->look;
-    if (viewer->state.live.phase != LIVE_DOING || !look->judged || l->frame->attempt != viewer->state.live.attempt)
+    const struct live_look *look = &live->frame->look;
+    if (live->shared->state.live.phase != LIVE_DOING || !look->judged ||
+        live->frame->attempt != live->shared->state.live.attempt)
         return;
     for (int p = 0; p < PART_COUNT; p++)
-        l->verdicts[p] = look->parts[p].verdict;
-    l->page.verdicts = l->verdicts;
-    l->page.parts = look->parts;
-    l->page.person_ns = take_time_of(l, look->reference);
+        live->verdicts[p] = look->parts[p].verdict;
+    live->page.verdicts = live->verdicts;
+    live->page.parts = look->parts;
+    live->page.person_ns = take_time_of(live, look->reference);
 }
 
 // The pose that comes next, where the person stands.
-static void fill_ghost(struct viewer *viewer)
+static void fill_ghost(struct viewer_live *live)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_look *look = &l->frame->look;
-    const struct live_state *s = &viewer->state.live;
-    if (!s->ghost || (s->phase != LIVE_DOING && s->phase != LIVE_COUNT_IN) || !l->reference.count)
+    const struct live_look *look = &live->frame->look;
+    const struct live_state *s = &live->shared->state.live;
+    if (!s->ghost || (s->phase != LIVE_DOING && s->phase != LIVE_COUNT_IN) || !live->reference.count)
         return;
-    const int32_t at = frame_at(l, s->at_ns), now = l->page.verdicts ? look->reference : at;
+    const int32_t at = frame_at(live, s->at_ns), now = live->page.verdicts ? look->reference : at;
     int32_t next = now + (int32_t)(NEXT_S * MOVEMENT_RATE_HZ);
-    next = next < l->end ? next : l->end - 1;
+    next = next < live->end ? next : live->end - 1;
     if (s->phase == LIVE_COUNT_IN)
         next = at;
-    const struct movement_frame *frames = reference_of(l, s->mirrored)->frames;
-    if (pose_figure_make(&l->person, &frames[now], &frames[next], &l->ghost))
-        l->page.ghost = &l->ghost;
+    const struct movement_frame *frames = reference_of(live, s->mirrored)->frames;
+    if (pose_figure_make(&live->person, &frames[now], &frames[next], &live->ghost))
+        live->page.ghost = &live->ghost;
 }
 
-static void fill_person(struct viewer *viewer, struct pose world_from_live)
+static void fill_person(struct viewer_live *live, struct pose world_from_live)
 {
-    struct viewer_live *l = &viewer->live;
-    if (!l->frame || !l->frame->look.person)
+    if (!live->frame || !live->frame->look.person)
         return;
-    l->person = skeleton_transform(world_from_live, &l->frame->look.in_world);
-    l->page.person = &l->person;
-    fill_verdicts(viewer);
-    fill_ghost(viewer);
+    live->person = skeleton_transform(world_from_live, &live->frame->look.in_world);
+    live->page.person = &live->person;
+    fill_verdicts(live);
+    fill_ghost(live);
 }
 
 // The attempt at the reviewed instant, and the reference's pose on the same bones to its right.
-static void fill_review(struct viewer *viewer)
+static void fill_review(struct viewer_live *live)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_attempt *a = &l->shown;
-    const struct live_state *s = &viewer->state.live;
+    const struct live_attempt *a = &live->shown;
+    const struct live_state *s = &live->shared->state.live;
     const bool judged = s->judged == s->finished && a->number == s->finished;
-    l->page.comparison = judged && a->compared ? &a->comparison : NULL;
-    l->page.mirrored = judged && a->mirrored;
-    l->page.why_not = judged && !a->compared ? a->why : NULL;
-    l->page.strip = a->strip;
-    l->page.strip_cells = ATTEMPT_CELLS;
-    if (!l->page.comparison || !live_attempt_skeleton(a, s->review_at_ns, &l->attempt_figure))
+    live->page.comparison = judged && a->compared ? &a->comparison : NULL;
+    live->page.mirrored = judged && a->mirrored;
+    live->page.why_not = judged && !a->compared ? a->why : NULL;
+    live->page.strip = a->strip;
+    live->page.strip_cells = ATTEMPT_CELLS;
+    if (!live->page.comparison || !live_attempt_skeleton(a, s->review_at_ns, &live->attempt_figure))
         return;
     struct vec3 at, left;
-    struct skeleton *figure = &l->attempt_figure;
-    const struct vec3 right = v3_scale(picture_right(viewer), 0.5 * BESIDE_M);
+    struct skeleton *figure = &live->attempt_figure;
+    const struct vec3 right = v3_scale(picture_right(live), 0.5 * BESIDE_M);
     if (find_stance(figure, &at, &left)) // it stands right of the origin
         *figure = skeleton_transform((struct pose){{0, 0, 0, 1}, v3_sub(right, at)}, figure);
-    l->page.attempt = figure;
+    live->page.attempt = figure;
     const double frame = live_attempt_reference(a, s->review_at_ns);
     if (isnan(frame))
         return;
-    const struct movement_frame pose = movement_at(reference_of(l, a->mirrored), frame);
-    if (pose_figure_make(figure, &pose, &pose, &l->reference_figure)) {
+    const struct movement_frame pose = movement_at(reference_of(live, a->mirrored), frame);
+    if (pose_figure_make(figure, &pose, &pose, &live->reference_figure)) {
         for (int j = 0; j < JOINT_COUNT; j++)
-            l->reference_figure.joint[j] = v3_sub(l->reference_figure.joint[j], v3_scale(right, 2));
-        l->page.reference = &l->reference_figure;
+            live->reference_figure.joint[j] = v3_sub(live->reference_figure.joint[j], v3_scale(right, 2));
+        live->page.reference = &live->reference_figure;
     }
     const int32_t f = (int32_t)lround((double)s->review_at_ns * 1e-9 * MOVEMENT_RATE_HZ);
     struct part_difference parts[PART_COUNT];
     part_differences(&a->comparison.a, &a->comparison.judged, &a->comparison.timeline,
                      f < a->comparison.b.count ? f : a->comparison.b.count - 1, parts);
     for (int p = 0; p < PART_COUNT; p++)
-        l->review_verdicts[p] = parts[judged_part(&a->comparison, p)].verdict;
-    l->page.review_verdicts = l->review_verdicts;
+        live->review_verdicts[p] = parts[judged_part(&a->comparison, p)].verdict;
+    live->page.review_verdicts = live->review_verdicts;
 }
 
 // ---------------------------------------------------------------- the figures' viewpoint
 
-void viewer_live_request(struct viewer *viewer, const struct viewer_surface *surface, struct take_view_request *request)
+void viewer_live_request(struct viewer_live *live, const struct viewer_surface *surface,
+                         struct take_view_request *request)
 {
-    struct live_state *s = &viewer->state.live;
+    struct live_state *s = &live->shared->state.live;
     struct orbit orbit = s->orbit;
     const bool summary = s->phase == LIVE_SUMMARY;
     const double width = surface->width / surface->px_per_dp, height = surface->height / surface->px_per_dp;
@@ -400,31 +450,30 @@ void viewer_live_request(struct viewer *viewer, const struct viewer_surface *sur
     const struct lens lens = take_view_orbit_lens(surface->width, surface->height, box);
     if (summary)
         orbit.centre = v3(0, 0, FIGURE_MIDDLE_M);
-    else if (viewer->image.has_skeleton && viewer->image.skeleton.confidence[JOINT_WAIST] > 0 &&
+    else if (live->shared->image.has_skeleton && live->shared->image.skeleton.confidence[JOINT_WAIST] > 0 &&
              s->screen != LIVE_MIRROR)
-        s->orbit.centre = orbit.centre = v3_mix(orbit.centre, viewer->image.skeleton.joint[JOINT_WAIST], 0.1);
+        s->orbit.centre = orbit.centre = v3_mix(orbit.centre, live->shared->image.skeleton.joint[JOINT_WAIST], 0.1);
     if (!summary)
-        orbit.centre = v3_add(orbit.centre, v3_scale(picture_right(viewer), 0.5 * BESIDE_M));
+        orbit.centre = v3_add(orbit.centre, v3_scale(picture_right(live), 0.5 * BESIDE_M));
     // The lens is made for one figure: for two the viewpoint goes back until both are inside.
     orbit.distance_m *= fmax(1, lens.fx / ORBIT_NEAREST_M / fmin(box.h / TALL_M, box.w / PAIR_WIDE_M));
     *request = (struct take_view_request){.lens = lens,
                                           .world_from_camera = orbit_world_from_camera(&orbit),
                                           .resolution_scale = request->resolution_scale,
-                                          .error_px = viewer->state.error_px};
+                                          .error_px = live->shared->state.error_px};
 }
 
 // ---------------------------------------------------------------- the mirror's picture
 
-static enum status upload_picture(struct viewer *viewer)
+static enum status upload_picture(struct viewer_live *live)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_frame *f = l->frame;
+    const struct live_frame *f = live->frame;
     const struct lens *color = &f->calibration.color;
-    if (l->picture && f->number == l->uploaded)
+    if (live->picture && f->number == live->uploaded)
         return OK;
-    l->uploaded = f->number;
+    live->uploaded = f->number;
     const struct gpu_texture_layout layout = {GPU_RGB8, color->width, color->height, GPU_LINEAR};
-    return gpu_texture_put(&l->picture, viewer->gpu, &layout, f->rgb);
+    return gpu_texture_put(&live->picture, live->shared->gpu, &layout, f->rgb);
 }
 
 static enum status make_scratch(struct viewer_live *live, size_t pixels)
@@ -440,115 +489,126 @@ static enum status make_scratch(struct viewer_live *live, size_t pixels)
 }
 
 // What the sensor sees before the actor.
-static enum status upload_front(struct viewer *viewer)
+static enum status upload_front(struct viewer_live *live)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_frame *f = l->frame;
+    const struct live_frame *f = live->frame;
     const struct lens *color = &f->calibration.color;
     const struct gpu_texture_layout layout = {GPU_RGBA8, color->width, color->height, GPU_LINEAR};
     const struct skeleton actor =
-        skeleton_transform(pose_inverse(viewer->image.world_from_camera), &viewer->image.skeleton);
-    enum status status = make_scratch(l, lens_pixels(color));
+        skeleton_transform(pose_inverse(live->shared->image.world_from_camera), &live->shared->image.skeleton);
+    enum status status = make_scratch(live, lens_pixels(color));
     if (status != OK)
         return status;
-    const struct live_occlusion how = {&f->calibration, f->rgb, f->depth, &actor, &l->body, l->scratch};
-    l->has_front = live_occlusion_make(&how, l->rgba);
-    return l->has_front ? gpu_texture_put(&l->front, viewer->gpu, &layout, l->rgba) : OK;
+    const struct live_occlusion how = {&f->calibration, f->rgb, f->depth, &actor, &live->body, live->scratch};
+    live->has_front = live_occlusion_make(&how, live->rgba);
+    return live->has_front ? gpu_texture_put(&live->front, live->shared->gpu, &layout, live->rgba) : OK;
 }
 
-static enum status draw_mirror(struct viewer *viewer, struct take_view_request *request)
+static enum status draw_mirror(struct viewer_live *live, struct take_view_request *request)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct live_frame *f = l->frame;
-    if (!f || (!f->rgb && !l->uploaded))
+    const struct live_frame *f = live->frame;
+    if (!f || (!f->rgb && !live->uploaded))
         return OK;
-    enum status status = f->rgb ? upload_picture(viewer) : OK; // an image that was lost: the one before it stays
+    enum status status = f->rgb ? upload_picture(live) : OK; // an image that was lost: the one before it stays
     if (status != OK)
         return status;
-    const struct pose world_from_live = take_from_live(viewer, viewer->state.live.over ? 0 : MIRROR_M);
+    const struct pose world_from_live = take_from_live(live, live->shared->state.live.over ? 0 : MIRROR_M);
     request->lens = f->calibration.color;
     request->world_from_camera = pose_multiply(world_from_live, f->look.world_from_camera);
     request->camera = NULL; // the place's surface is not asked for: the live depth hides the actor
-    request->camera_lost = !l->anchor.known && viewer->image.has_skeleton;
-    status = take_view_draw(viewer->take_view, request, &viewer->image);
+    request->camera_lost = !live->anchor.known && live->shared->image.has_skeleton;
+    status = take_view_draw(live->shared->take_view, request, &live->shared->image);
     if (status != OK)
         return status;
-    l->page.picture = l->picture;
-    if (viewer->image.has_skeleton && !viewer->state.live.over) {
+    live->page.picture = live->picture;
+    if (live->shared->image.has_skeleton && !live->shared->state.live.over) {
         if (f->rgb)
-            status = upload_front(viewer);
-        l->page.front = l->has_front ? l->front : NULL;
+            status = upload_front(live);
+        live->page.front = live->has_front ? live->front : NULL;
     }
-    fill_person(viewer, world_from_live);
+    fill_person(live, world_from_live);
     return status;
 }
 
 // Beside the actor in the picture, to the right.
-static struct pose pose_beside_actor(const struct viewer *viewer)
+static struct pose pose_beside_actor(const struct viewer_live *live)
 {
-    struct pose p = take_from_live(viewer, 0);
-    p.translation = v3_add(p.translation, v3_scale(picture_right(viewer), BESIDE_M));
+    struct pose p = take_from_live(live, 0);
+    p.translation = v3_add(p.translation, v3_scale(picture_right(live), BESIDE_M));
     return p;
 }
 
 // Person and ghost where they stand in the room, drawn with the actor: hidden by it and by furniture, and not hidden by
 // either where they are before it.
-static void fill_overlay(struct viewer *viewer, const struct viewer_surface *surface, struct take_view_request *request)
+static void fill_overlay(struct viewer_live *live, const struct viewer_surface *surface,
+                         struct take_view_request *request)
 {
-    struct viewer_live *l = &viewer->live;
-    const struct theme *t = theme_of(viewer->state.dark);
+    const struct theme *t = theme_of(live->shared->state.dark);
     const double px = surface->px_per_dp;
     const struct ui_box all = {0, 0, surface->width / px, surface->height / px};
     const struct figure_view view = {request->lens, request->world_from_camera, cover_of(&request->lens, all), false};
-    const struct figure limbs = {FIGURE_LIMBS, l->page.person, l->page.verdicts, false, 0},
-                        ghost = {FIGURE_GHOST, l->page.ghost, NULL, false, 0};
+    const struct figure limbs = {FIGURE_LIMBS, live->page.person, live->page.verdicts, false, 0},
+                        ghost = {FIGURE_GHOST, live->page.ghost, NULL, false, 0};
     int count = 0;
-    if (l->page.ghost)
-        count += figure_strokes(t, &view, &ghost, l->strokes);
-    if (l->page.person)
-        count += figure_strokes(t, &view, &limbs, l->strokes + count);
-    l->overlay = (struct overlay){.strokes = l->strokes, .stroke_count = count};
-    request->overlay = count ? &l->overlay : NULL;
+    if (live->page.ghost)
+        count += figure_strokes(t, &view, &ghost, live->strokes);
+    if (live->page.person)
+        count += figure_strokes(t, &view, &limbs, live->strokes + count);
+    live->overlay = (struct overlay){.strokes = live->strokes, .stroke_count = count};
+    request->overlay = count ? &live->overlay : NULL;
 }
 
-enum status viewer_live_draw(struct viewer *v, const struct viewer_surface *surface, struct take_view_request *request)
+enum status viewer_live_draw(struct viewer_live *live, const struct viewer_surface *surface,
+                             struct take_view_request *request)
 {
-    struct viewer_live *l = &v->live;
-    const struct live_state *s = &v->state.live;
-    l->page = (struct live_page){
-        .file = v->takes.file, .take = v->takes.cards[v->state.take].name, .image = &v->image, .person_ns = -1};
-    update_anchor(v);
+    const struct live_state *s = &live->shared->state.live;
+    live->page = (struct live_page){.file = live->shared->takes.file,
+                                    .take = live->shared->takes.cards[live->shared->state.take].name,
+                                    .image = &live->shared->image,
+                                    .person_ns = -1};
+    update_anchor(live);
     request->placement = (struct placement){.mirrored = s->mirrored};
     request->time_ns = s->at_ns;
     request->playing = s->phase == LIVE_DOING && !s->waits;
     request->loop = s->loop;
-    l->image_mirrored = s->mirrored;
+    live->image_mirrored = s->mirrored;
     if (s->phase == LIVE_SUMMARY) {
-        v->image = (struct take_view_image){.lens = request->lens, .world_from_camera = request->world_from_camera};
-        fill_review(v);
+        live->shared->image =
+            (struct take_view_image){.lens = request->lens, .world_from_camera = request->world_from_camera};
+        fill_review(live);
         return OK;
     }
     if (s->screen == LIVE_MIRROR)
-        return draw_mirror(v, request);
-    const bool same_world = take_view_is_located(v->take_view) && l->frame && l->frame->look.in_place;
+        return draw_mirror(live, request);
+    const bool same_world = take_view_is_located(live->shared->take_view) && live->frame && live->frame->look.in_place;
     if (s->screen == LIVE_ROOM && same_world) {
-        fill_person(v, POSE_IDENTITY);
-        fill_overlay(v, surface, request);
+        fill_person(live, POSE_IDENTITY);
+        fill_overlay(live, surface, request);
     }
-    enum status status = take_view_draw(v->take_view, request, &v->image);
+    enum status status = take_view_draw(live->shared->take_view, request, &live->shared->image);
     if (status == OK && s->screen == LIVE_BESIDE)
-        fill_person(v, pose_beside_actor(v));
+        fill_person(live, pose_beside_actor(live));
     return status;
 }
 
-void viewer_live_presented(struct viewer *viewer, int64_t now_ns)
+const struct live_page *viewer_live_page(const struct viewer_live *live) { return &live->page; }
+
+struct viewer_live_view viewer_live_view_of(struct viewer_live *live)
 {
-    struct viewer_live *l = &viewer->live;
-    if (!l->frame || l->frame->number == l->drawn_frame || viewer->state.page != PAGE_LIVE)
+    return (struct viewer_live_view){.page = &live->page,
+                                     .attempt = &live->shown,
+                                     .frame = live->frame,
+                                     .sensor = live->sensor,
+                                     .kept = live->kept,
+                                     .no_points_told = live->no_points_told};
+}
+
+void viewer_live_print_stats(const struct viewer_live *live, FILE *out)
+{
+    if (!live->sensor)
         return;
-    l->drawn_frame = l->frame->number;
-    const double ms = (double)(now_ns - l->frame->received_ns) * 1e-6;
-    l->latency_ms += ms;
-    l->latency_max_ms = fmax(l->latency_max_ms, ms);
-    l->presented++;
+    const struct live_sensor_state s = live_sensor_query(live->sensor);
+    fprintf(out, "sensor    %lld frames tracked, %lld not; body points in %lld of their images%s%s\n",
+            (long long)s.received, (long long)s.dropped, (long long)s.looked, *s.no_body_points ? ": " : "",
+            s.no_body_points);
 }

@@ -1,68 +1,12 @@
-#include "app/viewer/viewer_room.h"
-
-#include "app/viewer/viewer.h"
+// The viewer's part for the room about the actor.
+#include "app/place/room_worker.h"
+#include "app/viewer/room_things.h"
+#include "app/viewer/viewer_inside.h"
+#include "app/viewer/viewer_parts.h"
+#include "recording/recorded_things.h"
 
 #include <stdio.h>
 #include <stdlib.h>
-
-// ---------------------------------------------------------------- room things
-
-enum status room_things_open(struct room_things *out, struct recording *recording)
-{
-    *out = (struct room_things){0};
-    const enum status status = place_things_read(recording, &out->known);
-    if (status == ERR_MEMORY)
-        return status;
-    const size_t count = (size_t)out->known.count + 1;
-    out->shown = calloc(count, sizeof *out->shown);
-    out->solids = calloc(count, sizeof *out->solids);
-    out->opened = calloc(count, sizeof *out->opened);
-    if (!out->shown || !out->solids || !out->opened)
-        return fail(ERR_MEMORY, "no memory for what stands in the room");
-    for (int i = 0; i < out->known.count; i++) {
-        const struct place_thing *t = &out->known.things[i];
-        struct room_thing *s = &out->shown[i];
-        *s = (struct room_thing){.name = t->name,
-                                 .world_from_thing = t->world_from_thing,
-                                 .width_m = t->width_m,
-                                 .height_m = t->height_m,
-                                 .sigma_m = t->sigma_m,
-                                 .gone = t->gone};
-        covariance_ellipsoid(&t->covariance, s->ellipsoid);
-    }
-    return OK;
-}
-
-void room_things_close(struct room_things *things)
-{
-    for (int i = 0; i < things->known.count && things->solids; i++)
-        thing_solid_close(&things->solids[i]);
-    free(things->shown);
-    free(things->solids);
-    free(things->opened);
-    place_things_free(&things->known);
-    *things = (struct room_things){0};
-}
-
-// Its body; empty where that cannot be made: the thing stays an outline.
-static const struct thing_solid *room_things_solid(struct room_things *things, struct gpu *gpu, int i)
-{
-    if (!things->opened[i]) {
-        things->opened[i] = true; // once: what cannot be opened stays an outline
-        if (thing_solid_open(&things->solids[i], gpu, &things->known.things[i]) != OK)
-            things->solids[i] = (struct thing_solid){0};
-    }
-    return &things->solids[i];
-}
-
-void room_things_draw(struct room_things *things, struct gpu *gpu, struct solid_renderer *renderer,
-                      const struct solid_view *view)
-{
-    for (int i = 0; i < things->known.count; i++)
-        thing_solid_draw(room_things_solid(things, gpu, i), renderer, view, things->known.things[i].world_from_thing);
-}
-
-// ---------------------------------------------------------------- viewer room
 
 static const double PI = 3.14159265358979323846;
 // Chosen by hand. A moving viewpoint asks for a new picture of the room once it is so far from the one that was asked
@@ -78,46 +22,100 @@ static const double HIDDEN_SHARE = 0.2, SEEN_SHARE = 0.35;
 static const double FRONT_M = 0.02;    // asked for so far before its front: the room's surface has it, too, rounded
 static const double MIDDLE_RATE = 0.4; // the points lie within so much of its front, from the middle to a side
 
+enum { PATH_POINTS = 512 };
+
+struct viewer_room {
+    struct viewer_shared *shared;
+    struct room_things things;
+    struct gpu_texture **pictures; // of each thing, opened when first shown
+    struct overlay_group *asked;   // points of each, of which is asked whether they are seen
+    struct overlay overlay;
+    bool seen_comes; // what was asked has not been read yet
+    struct solid_renderer *renderer;
+    struct gpu_target *turning; // the card's body
+
+    struct room_worker *worker;
+    struct room_views *views; // NULL: the worker draws, and `filmed` shows that
+    struct filmed_layer *filmed;
+    struct lens asked_lens; // of the worker
+    struct pose asked_pose, seen_pose;
+    int64_t seen_number; // of the worker's picture at the last update
+    int64_t still_ns;    // since when the viewpoint has not moved
+
+    struct solid_mesh *mesh;         // of the place
+    struct vec3 mesh_low, mesh_high; // its bounds
+    bool mesh_came;
+    struct gpu_target *surface; // the mesh behind the orbit
+    struct lens surface_lens;
+    struct pose surface_pose; // that it shows
+    bool surface_drawn;
+    struct gpu_target *map;
+    struct lens map_lens;
+    struct pose map_pose; // that the map shows
+    bool map_drawn;
+    struct vec3 path[PATH_POINTS];
+    int path_count;
+    struct recorded_drive drive;
+    bool driven; // a robot was, in the place
+
+    struct knowledge_asker *asker;
+    int asked_thing; // whose card was open at the last update
+    struct thing_card card;
+    char source[320];
+    struct room_page page;
+};
+
 // ---------------------------------------------------------------- opening
 
-static enum status open_things(struct viewer *viewer)
+static enum status open_things(struct viewer_room *room)
 {
-    struct viewer_room *r = &viewer->room;
-    const enum status status = room_things_open(&r->things, viewer->recording);
+    const enum status status = room_things_open(&room->things, room->shared->recording);
     if (status != OK)
         return status;
-    const size_t count = (size_t)r->things.known.count + 1;
-    r->pictures = calloc(count, sizeof *r->pictures);
-    r->asked = calloc(count, sizeof *r->asked);
-    return r->pictures && r->asked ? OK : fail(ERR_MEMORY, "no memory for what stands in the room");
+    const size_t count = (size_t)room->things.known.count + 1;
+    room->pictures = calloc(count, sizeof *room->pictures);
+    room->asked = calloc(count, sizeof *room->asked);
+    return room->pictures && room->asked ? OK : fail(ERR_MEMORY, "no memory for what stands in the room");
 }
 
-enum status viewer_room_open(struct viewer *v)
+static enum status open_room(struct viewer_room *room)
 {
-    struct viewer_room *r = &v->room;
-    r->asked_thing = ROOM_NOTHING;
-    room_ui_start(&v->screens.room);
-    if (!v->recording)
-        return OK;
-    enum status status = open_things(v);
-    r->driven = recording_read_drive(v->recording, &r->drive) == OK; // what is damaged of it is no error
+    struct viewer_shared *shared = room->shared;
+    enum status status = open_things(room);
+    room->driven = recording_read_drive(shared->recording, &room->drive) == OK; // what is damaged of it is no error
     if (status == OK)
-        status = solid_renderer_open(&r->renderer, v->gpu);
-    if (status == OK && v->options.ask_knowledge && r->things.known.count) {
-        struct knowledge_asker_options how = {v->options.file, http_default_limits(), v->options.wake,
-                                              v->options.wake_self};
+        status = solid_renderer_open(&room->renderer, shared->gpu);
+    if (status == OK && shared->options.ask_knowledge && room->things.known.count) {
+        struct knowledge_asker_options how = {shared->options.file, http_default_limits(), shared->options.wake,
+                                              shared->options.wake_self};
         how.limits.connect_ms = how.limits.total_ms = (int)ANSWER_MS;
-        status = knowledge_asker_start(&r->asker, &how);
+        status = knowledge_asker_start(&room->asker, &how);
     }
-    v->state.room.thing_count = r->things.known.count;
-    v->state.room.has_place = v->has_place || r->things.known.count;
-    v->state.room.has_views = v->has_place;
+    shared->state.room.thing_count = room->things.known.count;
+    shared->state.room.has_place = shared->has_place || room->things.known.count;
+    shared->state.room.has_views = shared->has_place;
     return status;
 }
 
-void viewer_room_close(struct viewer *viewer)
+enum status viewer_room_open(struct viewer_room **out, struct viewer_shared *shared)
 {
-    struct viewer_room *r = &viewer->room;
+    struct viewer_room *r = *out = calloc(1, sizeof *r);
+    if (!r)
+        return fail(ERR_MEMORY, "no memory for the room");
+    r->shared = shared;
+    r->asked_thing = ROOM_NOTHING;
+    room_ui_start(&shared->screens.room);
+    const enum status status = shared->recording ? open_room(r) : OK;
+    if (status != OK)
+        viewer_room_close(out);
+    return status;
+}
+
+void viewer_room_close(struct viewer_room **room)
+{
+    struct viewer_room *r = *room;
+    if (!r)
+        return;
     room_views_close(&r->views);
     room_worker_close(&r->worker);
     knowledge_asker_close(&r->asker);
@@ -132,27 +130,28 @@ void viewer_room_close(struct viewer *viewer)
     free(r->pictures);
     free(r->asked);
     room_things_close(&r->things);
-    *r = (struct viewer_room){0};
+    free(r);
+    *room = NULL;
 }
 
 // ---------------------------------------------------------------- what the threads made
 
-static enum status start_worker(struct viewer *viewer)
+static enum status start_worker(struct viewer_room *room)
 {
-    struct room_worker_options options = {viewer->options.file, viewer->options.wake, viewer->options.wake_self, false};
-    if (viewer->room.worker || !viewer->has_place)
+    struct room_worker_options options = {room->shared->options.file, room->shared->options.wake,
+                                          room->shared->options.wake_self, false};
+    if (room->worker || !room->shared->has_place)
         return OK;
-    const enum room_drawing by = viewer->options.room_drawing;
-    if (by == ROOM_DRAWN_BY_CARD || (by == ROOM_DRAWN_AS_FITS && !gpu_is_software(viewer->gpu)))
-        options.hand_over = room_views_open(&viewer->room.views, viewer->gpu) == OK;
-    return room_worker_start(&viewer->room.worker, &options);
+    const enum room_drawing by = room->shared->options.room_drawing;
+    if (by == ROOM_DRAWN_BY_CARD || (by == ROOM_DRAWN_AS_FITS && !gpu_is_software(room->shared->gpu)))
+        options.hand_over = room_views_open(&room->views, room->shared->gpu) == OK;
+    return room_worker_start(&room->worker, &options);
 }
 
-static enum status take_mesh(struct viewer *viewer)
+static enum status take_mesh(struct viewer_room *room)
 {
-    struct viewer_room *r = &viewer->room;
     struct place_mesh made;
-    if (!r->worker || !room_worker_take_mesh(r->worker, &made))
+    if (!room->worker || !room_worker_take_mesh(room->worker, &made))
         return OK;
     struct solid_vertex *vertices = malloc(sizeof *vertices * (size_t)made.vertex_count);
     enum status status = vertices ? OK : fail(ERR_MEMORY, "no memory for the map");
@@ -163,17 +162,18 @@ static enum status take_mesh(struct viewer *viewer)
             vertices[i].color[k] = (float)p->rgb[k] / 255;
     }
     if (status == OK)
-        status = solid_mesh_open(&r->mesh, viewer->gpu, vertices, made.vertex_count, made.corners, made.corner_count);
+        status = solid_mesh_open(&room->mesh, room->shared->gpu, vertices, made.vertex_count, made.corners,
+                                 made.corner_count);
     free(vertices);
-    struct orbit *o = &viewer->state.room.map_orbit; // the whole room is seen
+    struct orbit *o = &room->shared->state.room.map_orbit; // the whole room is seen
     o->centre = v3_mix(made.low, made.high, 0.5);
     o->distance_m = fmin(fmax(0.95 * v3_distance(made.low, made.high), 3), 12);
-    r->mesh_low = made.low;
-    r->mesh_high = made.high;
+    room->mesh_low = made.low;
+    room->mesh_high = made.high;
     place_mesh_free(&made);
-    r->mesh_came = true;
-    r->map_drawn = r->surface_drawn = false;
-    viewer->state.changed = true;
+    room->mesh_came = true;
+    room->map_drawn = room->surface_drawn = false;
+    room->shared->state.changed = true;
     return status;
 }
 
@@ -184,77 +184,74 @@ static enum answer answer_about(const struct viewer_room *room, int thing)
     return room->things.known.things[thing].trouble[0] ? ANSWER_NONE : ANSWER_KEPT;
 }
 
-static void update_answers(struct viewer *viewer)
+static void update_answers(struct viewer_room *room)
 {
-    struct viewer_room *r = &viewer->room;
-    const int card = viewer->state.sheet == SHEET_CARD ? viewer->state.room.card : ROOM_NOTHING;
-    if (!r->asker)
+    const int card = room->shared->state.sheet == SHEET_CARD ? room->shared->state.room.card : ROOM_NOTHING;
+    if (!room->asker)
         return;
-    if (knowledge_asker_take(r->asker, &r->things.known) >= 0)
-        viewer->state.changed = true;
-    if (card != r->asked_thing && card >= 0 && card < r->things.known.count)
-        knowledge_asker_ask(r->asker, card, &r->things.known.things[card]);
-    r->asked_thing = card;
-    for (int i = 0; i < r->things.known.count; i++)
-        r->things.shown[i].answer = answer_about(r, i);
+    if (knowledge_asker_take(room->asker, &room->things.known) >= 0)
+        room->shared->state.changed = true;
+    if (card != room->asked_thing && card >= 0 && card < room->things.known.count)
+        knowledge_asker_ask(room->asker, card, &room->things.known.things[card]);
+    room->asked_thing = card;
+    for (int i = 0; i < room->things.known.count; i++)
+        room->things.shown[i].answer = answer_about(room, i);
 }
 
-static void update_path(struct viewer *viewer)
+static void update_path(struct viewer_room *room)
 {
-    struct viewer_room *r = &viewer->room;
-    const struct camera_frame *f = viewer->frame;
+    const struct camera_frame *f = room->shared->frame;
     if (!f || !f->placed)
         return;
     const struct vec3 at = f->world_from_camera.translation;
-    if (r->path_count && v3_distance(r->path[r->path_count - 1], at) < PATH_M)
+    if (room->path_count && v3_distance(room->path[room->path_count - 1], at) < PATH_M)
         return;
-    if (r->path_count == VIEWER_PATH_MAX) { // every second point of the older half goes
+    if (room->path_count == PATH_POINTS) { // every second point of the older half goes
         int kept = 0;
-        for (int i = 0; i < VIEWER_PATH_MAX; i++)
-            if (i >= VIEWER_PATH_MAX / 2 || i % 2)
-                r->path[kept++] = r->path[i];
-        r->path_count = kept;
+        for (int i = 0; i < PATH_POINTS; i++)
+            if (i >= PATH_POINTS / 2 || i % 2)
+                room->path[kept++] = room->path[i];
+        room->path_count = kept;
     }
-    r->path[r->path_count++] = at;
+    room->path[room->path_count++] = at;
 }
 
-void viewer_room_update(struct viewer *viewer, int64_t now_ns)
+void viewer_room_update(struct viewer_room *room)
 {
-    const struct view_state *s = &viewer->state;
-    (void)now_ns;
-    update_path(viewer);
-    update_answers(viewer);
-    if (s->page != PAGE_WATCH || !viewer->take_view || !viewer->has_image) // the actor comes first
+    const struct view_state *s = &room->shared->state;
+    update_path(room);
+    update_answers(room);
+    if (s->page != PAGE_WATCH || !room->shared->take_view || !room->shared->has_image) // the actor comes first
         return;
-    if ((viewer_room_wants_filmed(viewer) || s->room.map) && start_worker(viewer) != OK)
-        viewer->state.room.filmed = false; // without memory for a thread there is no room
+    if ((viewer_room_wants_filmed(room) || s->room.map) && start_worker(room) != OK)
+        room->shared->state.room.filmed = false; // without memory for a thread there is no room
     int views;
-    if (viewer->room.worker && room_worker_idle(viewer->room.worker, &views) && !views)
-        viewer->state.room.has_views = false;
-    const struct room_picture *p = viewer->room.worker ? room_worker_latest(viewer->room.worker) : NULL;
-    if (p && viewer_room_wants_filmed(viewer) && p->number != viewer->room.seen_number) {
-        viewer->room.seen_number = p->number;
-        viewer->state.changed = true;
+    if (room->worker && room_worker_idle(room->worker, &views) && !views)
+        room->shared->state.room.has_views = false;
+    const struct room_picture *p = room->worker ? room_worker_latest(room->worker) : NULL;
+    if (p && viewer_room_wants_filmed(room) && p->number != room->seen_number) {
+        room->seen_number = p->number;
+        room->shared->state.changed = true;
     }
     float gains[ROOM_DEPTHS][3];
-    const int64_t number = viewer->room.views ? room_worker_gains(viewer->room.worker, gains) : 0;
-    if (number != viewer->room.seen_number && viewer->room.views && viewer_room_wants_filmed(viewer)) {
-        viewer->room.seen_number = number;
-        viewer->state.changed = true;
+    const int64_t number = room->views ? room_worker_gains(room->worker, gains) : 0;
+    if (number != room->seen_number && room->views && viewer_room_wants_filmed(room)) {
+        room->seen_number = number;
+        room->shared->state.changed = true;
     }
-    if (take_mesh(viewer) != OK)
-        viewer->room.mesh_came = true; // it stays without a surface
+    if (take_mesh(room) != OK)
+        room->mesh_came = true; // it stays without a surface
     if (s->sheet == SHEET_CARD)
-        viewer->state.changed = true; // the body turns
+        room->shared->state.changed = true; // the body turns
 }
 
 // ---------------------------------------------------------------- the filmed room
 
-bool viewer_room_wants_filmed(const struct viewer *viewer)
+bool viewer_room_wants_filmed(const struct viewer_room *room)
 {
-    const struct view_state *s = &viewer->state;
+    const struct view_state *s = &room->shared->state;
     return s->page == PAGE_WATCH && s->orbiting && s->room.filmed && s->room.has_views &&
-           take_view_is_located(viewer->take_view);
+           take_view_is_located(room->shared->take_view);
 }
 
 static bool are_poses_near(const struct pose *a, const struct pose *b, double m, double rad)
@@ -262,77 +259,74 @@ static bool are_poses_near(const struct pose *a, const struct pose *b, double m,
     return v3_distance(a->translation, b->translation) <= m && pose_angle(*a, *b) <= rad;
 }
 
-static void ask_worker(struct viewer *viewer, const struct take_view_request *request, int64_t now_ns)
+static void ask_worker(struct viewer_room *room, const struct take_view_request *request, int64_t now_ns)
 {
-    struct viewer_room *r = &viewer->room;
     const struct pose *pose = &request->world_from_camera;
-    const bool first = !r->asked_lens.width, same_lens = lens_equal(&r->asked_lens, &request->lens);
-    if (!are_poses_near(&r->seen_pose, pose, 1e-6, 1e-6)) {
-        r->seen_pose = *pose;
-        r->still_ns = now_ns;
+    const bool first = !room->asked_lens.width, same_lens = lens_equal(&room->asked_lens, &request->lens);
+    if (!are_poses_near(&room->seen_pose, pose, 1e-6, 1e-6)) {
+        room->seen_pose = *pose;
+        room->still_ns = now_ns;
     }
-    const bool still = now_ns - r->still_ns >= STILL_NS,
-               exact = are_poses_near(&r->asked_pose, pose, 1e-6, 1e-6) && same_lens;
+    const bool still = now_ns - room->still_ns >= STILL_NS,
+               exact = are_poses_near(&room->asked_pose, pose, 1e-6, 1e-6) && same_lens;
     if (!exact && !still)
-        viewer->state.changed = true; // to look again
-    if (!first && (exact || (!still && are_poses_near(&r->asked_pose, pose, ASK_M, ASK_RAD))))
+        room->shared->state.changed = true; // to look again
+    if (!first && (exact || (!still && are_poses_near(&room->asked_pose, pose, ASK_M, ASK_RAD))))
         return;
-    room_worker_ask(r->worker, &request->lens, *pose);
-    r->asked_lens = request->lens;
-    r->asked_pose = *pose;
+    room_worker_ask(room->worker, &request->lens, *pose);
+    room->asked_lens = request->lens;
+    room->asked_pose = *pose;
 }
 
-enum status viewer_room_draw_filmed(struct viewer *v, const struct take_view_request *request, int64_t now_ns,
+enum status viewer_room_draw_filmed(struct viewer_room *room, const struct take_view_request *request, int64_t now_ns,
                                     const struct gpu_texture **out)
 {
-    struct viewer_room *r = &v->room;
     enum status status = OK;
     *out = NULL;
-    if (!viewer_room_wants_filmed(v) || !r->worker)
+    if (!viewer_room_wants_filmed(room) || !room->worker)
         return OK;
-    ask_worker(v, request, now_ns);
-    if (r->views) {
-        status = room_views_draw(r->views, r->worker, &request->lens, request->world_from_camera, out);
-        v->state.changed |= room_views_more(r->views);
+    ask_worker(room, request, now_ns);
+    if (room->views) {
+        status = room_views_draw(room->views, room->worker, &request->lens, request->world_from_camera, out);
+        room->shared->state.changed |= room_views_more(room->views);
         return status;
     }
-    const struct room_picture *p = room_worker_latest(r->worker);
+    const struct room_picture *p = room_worker_latest(room->worker);
     if (!p)
         return OK;
-    if (!r->filmed)
-        status = filmed_layer_open(&r->filmed, v->gpu);
+    if (!room->filmed)
+        status = filmed_layer_open(&room->filmed, room->shared->gpu);
     if (status != OK)
         return status;
-    return filmed_layer_draw(r->filmed, r->renderer, p, &request->lens, request->world_from_camera, out);
+    return filmed_layer_draw(room->filmed, room->renderer, p, &request->lens, request->world_from_camera, out);
 }
 
 // Of the view's size. What it shows is as coarse as the map: the recorded views lie over it.
-enum status viewer_room_draw_surface(struct viewer *v, const struct take_view_request *request,
+enum status viewer_room_draw_surface(struct viewer_room *room, const struct take_view_request *request,
                                      struct take_view_image *out)
 {
-    struct viewer_room *r = &v->room;
     const struct lens *lens = &request->lens;
     enum status status = OK;
-    if (!viewer_room_wants_filmed(v) || !r->mesh)
+    if (!viewer_room_wants_filmed(room) || !room->mesh)
         return OK;
-    if (!r->surface || !lens_equal(lens, &r->surface_lens)) {
-        gpu_target_close(&r->surface);
-        status = gpu_target_open(&r->surface, v->gpu, lens->width, lens->height);
-        r->surface_drawn = false;
-        r->surface_lens = *lens;
+    if (!room->surface || !lens_equal(lens, &room->surface_lens)) {
+        gpu_target_close(&room->surface);
+        status = gpu_target_open(&room->surface, room->shared->gpu, lens->width, lens->height);
+        room->surface_drawn = false;
+        room->surface_lens = *lens;
     }
     if (status != OK)
         return status;
-    if (!r->surface_drawn || !are_poses_near(&r->surface_pose, &request->world_from_camera, 1e-9, 1e-9)) {
-        const struct solid_view view = {r->surface, *lens, request->world_from_camera};
-        gpu_target_clear(r->surface);
-        solid_renderer_draw(r->renderer, &view, r->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
-        r->surface_pose = request->world_from_camera;
-        r->surface_drawn = true;
+    if (!room->surface_drawn || !are_poses_near(&room->surface_pose, &request->world_from_camera, 1e-9, 1e-9)) {
+        const struct solid_view view = {room->surface, *lens, request->world_from_camera};
+        gpu_target_clear(room->surface);
+        solid_renderer_draw(room->renderer, &view, room->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
+        room->surface_pose = request->world_from_camera;
+        room->surface_drawn = true;
     }
-    out->surface = gpu_target_texture(r->surface);
-    out->room_low = r->mesh_low;
-    out->room_high = r->mesh_high;
+    out->surface = gpu_target_texture(room->surface);
+    out->room_low = room->mesh_low;
+    out->room_high = room->mesh_high;
     return OK;
 }
 
@@ -354,33 +348,34 @@ static void put_points(const struct room_thing *thing, struct vec3 eye, struct o
     }
 }
 
-void viewer_room_ask_seen(struct viewer *viewer, struct take_view_request *request)
+void viewer_room_ask_seen(struct viewer_room *room, struct take_view_request *request)
 {
-    struct viewer_room *r = &viewer->room;
-    const int count = r->things.known.count < ROOM_LABELS_MAX ? r->things.known.count : ROOM_LABELS_MAX;
+    const int count = room->things.known.count < ROOM_LABELS_MAX ? room->things.known.count : ROOM_LABELS_MAX;
     _Static_assert(OVERLAY_POINTS == 9, "3 x 3");
     _Static_assert((int)ROOM_LABELS_MAX <= (int)OVERLAY_GROUPS_MAX, "each label is asked for");
-    if (!viewer->state.room.names || !count || request->camera_lost || !take_view_is_located(viewer->take_view))
+    if (!room->shared->state.room.names || !count || request->camera_lost ||
+        !take_view_is_located(room->shared->take_view))
         return;
     for (int i = 0; i < count; i++)
-        put_points(&r->things.shown[i], request->world_from_camera.translation, &r->asked[i]);
-    r->overlay = (struct overlay){.groups = r->asked, .group_count = count};
-    request->overlay = &r->overlay;
+        put_points(&room->things.shown[i], request->world_from_camera.translation, &room->asked[i]);
+    room->overlay = (struct overlay){.groups = room->asked, .group_count = count};
+    request->overlay = &room->overlay;
 }
 
-enum status viewer_room_read_seen(struct viewer *v)
+void viewer_room_expect_seen(struct viewer_room *room, bool asked) { room->seen_comes = asked; }
+
+enum status viewer_room_read_seen(struct viewer_room *room)
 {
-    struct viewer_room *r = &v->room;
     float share[OVERLAY_GROUPS_MAX];
     int count;
-    if (!r->seen_comes)
+    if (!room->seen_comes)
         return OK;
-    r->seen_comes = false;
-    const enum status status = take_view_read_seen(v->take_view, share, &count);
-    for (int i = 0; i < count && i < r->things.known.count && status == OK; i++) {
-        const bool hidden = share[i] < (r->things.shown[i].hidden ? SEEN_SHARE : HIDDEN_SHARE);
-        v->state.changed |= hidden != r->things.shown[i].hidden;
-        r->things.shown[i].hidden = hidden;
+    room->seen_comes = false;
+    const enum status status = take_view_read_seen(room->shared->take_view, share, &count);
+    for (int i = 0; i < count && i < room->things.known.count && status == OK; i++) {
+        const bool hidden = share[i] < (room->things.shown[i].hidden ? SEEN_SHARE : HIDDEN_SHARE);
+        room->shared->state.changed |= hidden != room->things.shown[i].hidden;
+        room->things.shown[i].hidden = hidden;
     }
     return status;
 }
@@ -395,137 +390,151 @@ static struct lens lens_of_map(int width, int height)
         .width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = 0.42 * height};
 }
 
-static enum status draw_map(struct viewer *viewer, struct ui_box box, double px_per_dp)
+static enum status draw_map(struct viewer_room *room, struct ui_box box, double px_per_dp)
 {
-    struct viewer_room *r = &viewer->room;
     const struct lens lens = lens_of_map((int)fmax(box.w * px_per_dp, 16), (int)fmax(box.h * px_per_dp, 16));
-    const struct pose pose = orbit_world_from_camera(&viewer->state.room.map_orbit);
+    const struct pose pose = orbit_world_from_camera(&room->shared->state.room.map_orbit);
     enum status status = OK;
-    r->page.map_view = (struct figure_view){lens, pose, {1 / px_per_dp, box.x, box.y}, false};
-    if (!r->map || !lens_equal(&lens, &r->map_lens)) {
-        gpu_target_close(&r->map);
-        status = gpu_target_open(&r->map, viewer->gpu, lens.width, lens.height);
-        r->map_drawn = false;
-        r->map_lens = lens;
+    room->page.map_view = (struct figure_view){lens, pose, {1 / px_per_dp, box.x, box.y}, false};
+    if (!room->map || !lens_equal(&lens, &room->map_lens)) {
+        gpu_target_close(&room->map);
+        status = gpu_target_open(&room->map, room->shared->gpu, lens.width, lens.height);
+        room->map_drawn = false;
+        room->map_lens = lens;
     }
     if (status != OK)
         return status;
-    if (!r->map_drawn || !are_poses_near(&r->map_pose, &pose, 0, 0)) {
-        const struct solid_view view = {r->map, lens, pose};
-        gpu_target_clear(r->map);
-        if (r->mesh)
-            solid_renderer_draw(r->renderer, &view, r->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
-        room_things_draw(&r->things, viewer->gpu, r->renderer, &view);
-        r->map_pose = pose;
-        r->map_drawn = true;
+    if (!room->map_drawn || !are_poses_near(&room->map_pose, &pose, 0, 0)) {
+        const struct solid_view view = {room->map, lens, pose};
+        gpu_target_clear(room->map);
+        if (room->mesh)
+            solid_renderer_draw(room->renderer, &view, room->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
+        room_things_draw(&room->things, room->shared->gpu, room->renderer, &view);
+        room->map_pose = pose;
+        room->map_drawn = true;
     }
-    r->page.map = gpu_target_texture(r->map);
-    r->page.map_is_coming = viewer->has_place && !r->mesh_came;
+    room->page.map = gpu_target_texture(room->map);
+    room->page.map_is_coming = room->shared->has_place && !room->mesh_came;
     return OK;
 }
 
-static void fill_viewer(struct viewer *viewer)
+static void fill_viewer(struct viewer_room *room)
 {
-    struct room_page *p = &viewer->room.page;
-    const struct camera_frame *f = viewer->frame;
-    p->path = viewer->room.path;
-    p->path_count = viewer->room.path_count;
-    if (f && f->placed && !viewer->state.orbiting) {
+    struct room_page *p = &room->page;
+    const struct camera_frame *f = room->shared->frame;
+    p->path = room->path;
+    p->path_count = room->path_count;
+    if (f && f->placed && !room->shared->state.orbiting) {
         p->viewer_known = true;
         p->world_from_viewer = f->world_from_camera;
         p->viewer_lens = f->lens;
-    } else if (viewer->state.orbiting && viewer->has_image && take_view_is_located(viewer->take_view)) {
+    } else if (room->shared->state.orbiting && room->shared->has_image &&
+               take_view_is_located(room->shared->take_view)) {
         p->viewer_known = true;
-        p->world_from_viewer = viewer->image.world_from_camera;
-        p->viewer_lens = viewer->image.lens;
+        p->world_from_viewer = room->shared->image.world_from_camera;
+        p->viewer_lens = room->shared->image.lens;
     }
 }
 
 // ---------------------------------------------------------------- the card
 
-static void describe_source(struct viewer *viewer, int i)
+static void describe_source(struct viewer_room *room, int i)
 {
-    struct viewer_room *r = &viewer->room;
-    const struct place_thing *t = &r->things.known.things[i];
-    const enum answer answer = r->things.shown[i].answer;
-    r->card.source_warns = answer == ANSWER_NONE || t->gone;
+    const struct place_thing *t = &room->things.known.things[i];
+    const enum answer answer = room->things.shown[i].answer;
+    room->card.source_warns = answer == ANSWER_NONE || t->gone;
     if (answer == ANSWER_ASKING)
-        snprintf(r->source, sizeof r->source, "Asking for what is newer …");
+        snprintf(room->source, sizeof room->source, "Asking for what is newer …");
     else if (answer == ANSWER_NONE)
-        snprintf(r->source, sizeof r->source, "%s%s", t->known ? "Kept in the recording; nothing newer came: " : "",
-                 t->trouble);
+        snprintf(room->source, sizeof room->source, "%s%s",
+                 t->known ? "Kept in the recording; nothing newer came: " : "", t->trouble);
     else if (t->gone)
-        snprintf(r->source, sizeof r->source, "It was not found where it stood.");
+        snprintf(room->source, sizeof room->source, "It was not found where it stood.");
     else if (t->unkept)
-        snprintf(r->source, sizeof r->source,
+        snprintf(room->source, sizeof room->source,
                  "From its server; the recording cannot be written, so it is forgotten when this is closed.");
     else if (t->known)
-        snprintf(r->source, sizeof r->source, "Kept in the recording.");
+        snprintf(room->source, sizeof room->source, "Kept in the recording.");
     else
-        snprintf(r->source, sizeof r->source, "Nothing more is known of it.");
-    r->card.source = r->source;
+        snprintf(room->source, sizeof room->source, "Nothing more is known of it.");
+    room->card.source = room->source;
 }
 
-static enum status open_picture(struct viewer *viewer, int i)
+static enum status open_picture(struct viewer_room *room, int i)
 {
-    const struct image *image = &viewer->room.things.known.things[i].picture;
-    if (viewer->room.pictures[i] || !image->width || image->width > gpu_max_size(viewer->gpu) ||
-        image->height > gpu_max_size(viewer->gpu))
+    const struct image *image = &room->things.known.things[i].picture;
+    if (room->pictures[i] || !image->width || image->width > gpu_max_size(room->shared->gpu) ||
+        image->height > gpu_max_size(room->shared->gpu))
         return OK;
     const struct gpu_texture_layout how = {GPU_RGB8, image->width, image->height, GPU_LINEAR};
-    return gpu_texture_open(&viewer->room.pictures[i], viewer->gpu, &how, image->rgb);
+    return gpu_texture_open(&room->pictures[i], room->shared->gpu, &how, image->rgb);
 }
 
-static enum status draw_card(struct viewer *viewer, int64_t now_ns)
+static enum status draw_card(struct viewer_room *room, int64_t now_ns)
 {
-    struct viewer_room *r = &viewer->room;
-    const int i = viewer->state.room.card;
-    if (viewer->state.sheet != SHEET_CARD || i < 0 || i >= r->things.known.count)
+    const int i = room->shared->state.room.card;
+    if (room->shared->state.sheet != SHEET_CARD || i < 0 || i >= room->things.known.count)
         return OK;
-    const struct place_thing *t = &r->things.known.things[i];
+    const struct place_thing *t = &room->things.known.things[i];
     const struct thing_knowledge *k = &t->knowledge;
-    enum status status = open_picture(viewer, i);
-    if (status == OK && !r->turning)
-        status = gpu_target_open(&r->turning, viewer->gpu, TURNING_PX, TURNING_PX);
+    enum status status = open_picture(room, i);
+    if (status == OK && !room->turning)
+        status = gpu_target_open(&room->turning, room->shared->gpu, TURNING_PX, TURNING_PX);
     if (status != OK)
         return status;
     const double angle = TURN_RAD_S * (double)(now_ns % 1000000000000) * 1e-9;
-    thing_solid_draw_turning(room_things_solid(&r->things, viewer->gpu, i), r->renderer, r->turning,
+    thing_solid_draw_turning(room_things_solid(&room->things, room->shared->gpu, i), room->renderer, room->turning,
                              fmod(angle, 2 * PI));
-    r->card =
+    room->card =
         (struct thing_card){.name = k->name[0] ? k->name : t->name,
                             .description = k->description,
                             .weight = k->weight,
                             .material = k->material,
                             .instructions = k->instructions,
                             .note = t->note,
-                            .picture = r->pictures[i],
+                            .picture = room->pictures[i],
                             .picture_aspect = t->picture.height ? (double)t->picture.width / t->picture.height : 1,
-                            .body = gpu_target_texture(r->turning),
-                            .is_model = r->things.solids[i].is_model};
-    describe_source(viewer, i);
-    r->page.card = &r->card;
+                            .body = gpu_target_texture(room->turning),
+                            .is_model = room->things.solids[i].is_model};
+    describe_source(room, i);
+    room->page.card = &room->card;
     return OK;
 }
 
-enum status viewer_room_draw(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
+enum status viewer_room_draw(struct viewer_room *room, const struct viewer_surface *surface, int64_t now_ns)
 {
-    struct viewer_room *r = &v->room;
     const double px = surface->px_per_dp;
-    const struct layout l = layout_of(surface->width / px, surface->height / px, &v->state, &v->image);
-    r->page = (struct room_page){.things = r->things.shown,
-                                 .count = r->things.known.count,
-                                 .tags = v->place.tags,
-                                 .tag_count = v->place.tag_count};
-    if (r->driven)
-        r->page.drive = &r->drive;
-    r->page.apart = !take_view_is_located(v->take_view);
-    if (v->image.has_skeleton && take_view_is_located(v->take_view))
-        r->page.actor = &v->image.skeleton;
-    enum status status = draw_card(v, now_ns);
+    const struct layout l =
+        layout_of(surface->width / px, surface->height / px, &room->shared->state, &room->shared->image);
+    room->page = (struct room_page){.things = room->things.shown,
+                                    .count = room->things.known.count,
+                                    .tags = room->shared->place.tags,
+                                    .tag_count = room->shared->place.tag_count};
+    if (room->driven)
+        room->page.drive = &room->drive;
+    room->page.apart = !take_view_is_located(room->shared->take_view);
+    if (room->shared->image.has_skeleton && take_view_is_located(room->shared->take_view))
+        room->page.actor = &room->shared->image.skeleton;
+    enum status status = draw_card(room, now_ns);
     if (status == OK && l.map.w > 0) {
-        fill_viewer(v);
-        status = draw_map(v, l.map, px);
+        fill_viewer(room);
+        status = draw_map(room, l.map, px);
     }
     return status;
+}
+
+const struct room_page *viewer_room_page(const struct viewer_room *room) { return &room->page; }
+
+struct viewer_room_view viewer_room_view_of(struct viewer_room *room)
+{
+    return (struct viewer_room_view){.page = &room->page,
+                                     .things = &room->things,
+                                     .worker = room->worker,
+                                     .views = room->views,
+                                     .turning = room->turning,
+                                     .surface = room->surface,
+                                     .surface_lens = room->surface_lens,
+                                     .mesh_came = room->mesh_came,
+                                     .wants_filmed = viewer_room_wants_filmed(room),
+                                     .driven = &room->driven};
 }

@@ -2,7 +2,7 @@
 // actor's body is whole; for good where none can be made. No picture shows parts of one.
 #include "tests/support/test.h"
 
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
 #include "base/clock.h"
 #include "tests/support/glass.h"
 #include "tests/support/rehearsal.h"
@@ -41,7 +41,7 @@ static double difference_from_sensor(struct glass *g, const char *file, int64_t 
 // From a cold start: what the sensor saw, then the whole body. No picture shows parts of one.
 static void expect_no_parts(struct glass *g, int *with_sensor)
 {
-    const struct take_view_image *p = &g->viewer.image;
+    const struct take_view_image *p = g->image;
     if (p->making) {
         EXPECT_TRUE(!p->actor && !p->shadow && p->sensor && !p->parts && !p->prepared);
         EXPECT_AT_MOST(difference_from_sensor(g, rehearsal.file, p->frame), 8);
@@ -58,26 +58,25 @@ static void test_take_opens_immediately_and_refines(void **state)
     struct glass g;
     const struct viewer_options options = {.file = rehearsal.file, .take = "once more", .refresh_hz = 60};
     glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &options);
-    struct viewer *v = &g.viewer;
     glass_draw(&g);
-    EXPECT_TRUE(v->image.making);
+    EXPECT_TRUE(g.image->making);
     int with_sensor = 0;
     expect_no_parts(&g, &with_sensor);
     glass_seek(&g, 0.3);
     int plain = 0, both = 0, simple = 0, better = 0;
     double share = 0;
     const int64_t making = clock_now_ns();
-    for (int64_t until = making + 200000000000; (v->state.crossfade < 1 || !v->image.full) && clock_now_ns() < until;) {
+    for (int64_t until = making + 200000000000; (g.state->crossfade < 1 || !g.image->full) && clock_now_ns() < until;) {
         glass_draw_and_wait(&g);
         expect_no_parts(&g, &with_sensor);
-        EXPECT_AT_LEAST(v->state.avatar_progress, share);
-        share = v->state.avatar_progress;
-        plain += !v->image.prepared;
-        both += v->image.prepared && v->image.sensor;
-        simple += v->image.prepared && !v->image.full;
+        EXPECT_AT_LEAST(g.state->avatar_progress, share);
+        share = g.state->avatar_progress;
+        plain += !g.image->prepared;
+        both += g.image->prepared && g.image->sensor;
+        simple += g.image->prepared && !g.image->full;
     }
     glass_draw(&g);
-    better = v->image.prepared && !v->image.sensor;
+    better = g.image->prepared && !g.image->sensor;
     EXPECT_AT_LEAST(with_sensor, 2);
     print_message("%d frames without the avatar, %d with both, %d with the simple one\n", plain, both, simple);
     EXPECT_AT_LEAST(simple, 1);
@@ -91,14 +90,14 @@ static void test_take_opens_immediately_and_refines(void **state)
     int made_again = 0;
     do { // with the first drawing, but on a machine that is busy with more
         glass_draw(&g);
-        made_again += v->image.prepared && !v->image.full; // the simple one, which is shown while one is made
-    } while (!v->image.full && clock_now_ns() < reading + 200000000000);
+        made_again += g.image->prepared && !g.image->full; // the simple one, which is shown while one is made
+    } while (!g.image->full && clock_now_ns() < reading + 200000000000);
     EXPECT_INT(made_again, 0);
     print_message("full after %.1f s, when opened again after %.1f s\n", (double)made_ns * 1e-9,
                   (double)(clock_now_ns() - reading) * 1e-9);
     EXPECT_AT_MOST((double)(clock_now_ns() - reading), 0.5 * (double)made_ns);
     glass_draw(&g);
-    EXPECT_NEAR(v->state.avatar_progress, 1, 0);
+    EXPECT_NEAR(g.state->avatar_progress, 1, 0);
     glass_close(&g);
 }
 
@@ -152,7 +151,7 @@ static void test_a_take_without_an_avatar_shows_no_parts(void **state)
     write_without_depth(file);
     const struct viewer_options options = {.file = file, .take = "once more", .refresh_hz = 60};
     glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &options);
-    const struct take_view_image *p = &g.viewer.image;
+    const struct take_view_image *p = g.image;
     int after = 0; // pictures after it was known
     glass_draw(&g);
     glass_seek(&g, 0.3);
@@ -164,7 +163,7 @@ static void test_a_take_without_an_avatar_shows_no_parts(void **state)
         after += p->bodiless;
     }
     EXPECT_INT(after, 5);
-    EXPECT_NEAR(g.viewer.state.avatar_progress, 1, 0);
+    EXPECT_NEAR(g.state->avatar_progress, 1, 0);
     glass_close(&g);
 }
 

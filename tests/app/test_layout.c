@@ -93,10 +93,10 @@ static void test_actor_is_centred_without_panels(void **state)
 // The whole actor is in the free box, from all sides.
 static void expect_actor_in_free_box(const struct glass *g)
 {
-    const struct take_view_image *p = &g->viewer.image;
-    const struct ui_box free = g->viewer.free;
+    const struct take_view_image *p = g->image;
+    const struct ui_box free = viewer_free_box(g->viewer);
     const double scale = glass_scale(g);
-    const struct view_state *s = &g->viewer.state;
+    const struct view_state *s = g->state;
     const struct layout l = layout_of(g->width / scale, g->height / scale, s, p);
     EXPECT_NEAR(free.x, l.free.x, 1e-9);
     EXPECT_NEAR(free.h, l.free.h, 1e-9);
@@ -119,7 +119,7 @@ static void test_orbit_places_actor_clear_of_controls(void **state)
             .file = rehearsal.file, .take = "turn", .fixed_resolution = true, .refresh_hz = 60};
         const int width = upright ? GLASS_SHORT : GLASS_LONG, height = upright ? GLASS_LONG : GLASS_SHORT;
         glass_open(&g, width / SHARE, height / SHARE, &options);
-        struct view_state *s = &g.viewer.state;
+        struct view_state *s = g.state;
         glass_draw(&g);
         for (int n = 0; n < SHOWN; n++) {
             glass_seek(&g, n / 4.0);

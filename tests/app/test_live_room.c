@@ -2,7 +2,7 @@
 // recorded. A film and a folder of images stand in for the sensor and the camera.
 #include "tests/support/test.h"
 
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
 #include "base/clock.h"
 #include "tests/support/live_glass.h"
 #include "tests/support/live_rehearsal.h"
@@ -25,10 +25,10 @@ static void open_room(struct glass *g, const char *sensor, const char *camera)
 
 static bool is_in_the_room(const struct glass *g)
 {
-    const struct view_state *s = &g->viewer.state;
+    const struct view_state *s = g->state;
     // The actor is shown once the body is whole.
     return live_glass_sees_person(g) && s->camera.placed && s->presence >= 1 && s->live.sight.in_place &&
-           g->viewer.image.actor;
+           g->image->actor;
 }
 
 // Person and actor as the tablet's own camera sees the room: each where they are in it, the actor at the instant that
@@ -38,17 +38,17 @@ static void test_both_stand_in_the_room(void **state)
     (void)state;
     struct glass g;
     open_room(&g, rehearsal.wrong, rehearsal.camera);
-    struct viewer *v = &g.viewer;
     live_glass_draw_until(&g, live_glass_sees_person);
-    v->state.live.hands_free = false;
+    g.state->live.hands_free = false;
     for (int i = 0; i < 2; i++)
-        view_state_do(&v->state, DO_SCREEN, clock_now_ns());
-    EXPECT_INT(v->state.live.screen, LIVE_ROOM);
+        view_state_do(g.state, DO_SCREEN, clock_now_ns());
+    EXPECT_INT(g.state->live.screen, LIVE_ROOM);
     live_glass_draw_until(&g, is_in_the_room);
     glass_draw(&g);
-    EXPECT_TRUE(v->image.camera && v->image.actor && v->live.page.person);
-    EXPECT_TRUE(!view_state_hint_warns(&v->state));
-    const struct vec3 actor = v->image.skeleton.joint[JOINT_WAIST], person = v->live.page.person->joint[JOINT_WAIST];
+    EXPECT_TRUE(g.image->camera && g.image->actor && viewer_live_view(g.viewer).page->person);
+    EXPECT_TRUE(!view_state_hint_warns(g.state));
+    const struct vec3 actor = g.image->skeleton.joint[JOINT_WAIST],
+                      person = viewer_live_view(g.viewer).page->person->joint[JOINT_WAIST];
     print_message("the person is %.2f, %.2f, %.2f m from the actor\n", person.x - actor.x, person.y - actor.y,
                   person.z - actor.z);
     EXPECT_NEAR(person.x - actor.x, LIVE_REHEARSAL_ASIDE_M, 0.1);
@@ -57,7 +57,7 @@ static void test_both_stand_in_the_room(void **state)
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 6);
     EXPECT_AT_LEAST(t.wrong_pixels, 20);
-    EXPECT_TRUE(v->live.shown.compared);
+    EXPECT_TRUE(viewer_live_view(g.viewer).attempt->compared);
     glass_close(&g);
 }
 
@@ -67,33 +67,33 @@ static void test_the_room_shows_the_instant_that_is_done(void **state)
     (void)state;
     struct glass g;
     open_room(&g, rehearsal.right, rehearsal.camera);
-    struct viewer *v = &g.viewer;
-    v->state.live.screen = LIVE_ROOM;
+    g.state->live.screen = LIVE_ROOM;
     live_glass_draw_until(&g, live_glass_sees_person);
-    v->state.live.screen = LIVE_ROOM;
-    v->state.live.hands_free = false;
+    g.state->live.screen = LIVE_ROOM;
+    g.state->live.hands_free = false;
     live_glass_draw_until(&g, is_in_the_room);
-    view_state_do(&v->state, DO_PACE, clock_now_ns()); // keep up: it moves, whatever the person does
-    view_state_do(&v->state, DO_PLAY_PAUSE, clock_now_ns());
+    view_state_do(g.state, DO_PACE, clock_now_ns()); // keep up: it moves, whatever the person does
+    view_state_do(g.state, DO_PLAY_PAUSE, clock_now_ns());
     live_glass_draw_until(&g, live_glass_is_doing);
     int drawn = 0;
     double gap_m = 0;
     int64_t drawing_ns = 0;
     while (live_glass_is_doing(&g) && drawn < 200) {
         live_glass_draw_what_is_new(&g);
-        const struct live_page *page = &v->live.page;
-        if (!live_glass_is_doing(&g) || !page->person || !v->image.has_skeleton || v->drawing_ns == drawing_ns)
+        const struct live_page *page = viewer_live_view(g.viewer).page;
+        if (!live_glass_is_doing(&g) || !page->person || !g.image->has_skeleton ||
+            viewer_drawing_ns(g.viewer) == drawing_ns)
             continue; // not drawn: time has gone on since
-        drawing_ns = v->drawing_ns;
+        drawing_ns = viewer_drawing_ns(g.viewer);
         drawn++;
-        const struct vec3 now = v->image.skeleton.joint[JOINT_RIGHT_HAND];
-        struct take_view_request again = {.lens = v->image.lens,
-                                          .world_from_camera = v->image.world_from_camera,
-                                          .time_ns = v->state.live.at_ns,
+        const struct vec3 now = g.image->skeleton.joint[JOINT_RIGHT_HAND];
+        struct take_view_request again = {.lens = g.image->lens,
+                                          .world_from_camera = g.image->world_from_camera,
+                                          .time_ns = g.state->live.at_ns,
                                           .camera_lost = true,
                                           .resolution_scale = 1};
         struct take_view_image there;
-        EXPECT_STATUS(take_view_draw(v->take_view, &again, &there), OK);
+        EXPECT_STATUS(take_view_draw(viewer_take_view(g.viewer), &again, &there), OK);
         gap_m = fmax(gap_m, v3_distance(now, there.skeleton.joint[JOINT_RIGHT_HAND]));
     }
     print_message("%d drawings, the hand at most %.3f m from where it is at the instant that is done\n", drawn, gap_m);
@@ -111,7 +111,7 @@ static void test_the_room_says_what_is_missing(void **state)
     rehearse_camera(&rehearsal.scratch, "blind", NULL, 1);
     snprintf(blind, sizeof blind, "folder:%s", scratch_file(&rehearsal.scratch, "blind"));
     open_room(&g, rehearsal.right, blind);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     s->live.screen = LIVE_ROOM;
     live_glass_draw_until(&g, live_glass_sees_person);
     s->live.screen = LIVE_ROOM;

@@ -5,7 +5,7 @@
 //     test_live_screens FILE SENSOR CAMERA FOLDER TAKE   images of the screens, for the documents (tests/live_screens)
 #include "tests/support/test.h"
 
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/png.h"
@@ -22,7 +22,7 @@ enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT, FRAMES = 54 }; // FRAMES: the arm
 
 static struct live_rehearsal rehearsal;
 
-static bool is_kept(const struct glass *g) { return g->viewer.live.kept > 0; }
+static bool is_kept(const struct glass *g) { return viewer_live_view(g->viewer).kept > 0; }
 
 // A file that is there already is never replaced: the attempt gets the next name.
 static void check_attempt_is_kept(struct glass *g)
@@ -31,9 +31,9 @@ static void check_attempt_is_kept(struct glass *g)
     struct take *take = NULL;
     struct recording_report report;
     scratch_text(&rehearsal.scratch, "exercise-attempt-1.reenact", "mine");
-    view_state_do(&g->viewer.state, DO_KEEP, clock_now_ns());
+    view_state_do(g->state, DO_KEEP, clock_now_ns());
     live_glass_draw_until(g, is_kept);
-    EXPECT_TRUE(strstr(g->viewer.state.notice, "exercise-attempt-2.reenact"));
+    EXPECT_TRUE(strstr(g->state->notice, "exercise-attempt-2.reenact"));
     const char *path = scratch_file(&rehearsal.scratch, "exercise-attempt-2.reenact");
     EXPECT_STATUS(recording_verify(path, &report), OK);
     EXPECT_STATUS(recording_open(&r, path), OK);
@@ -57,16 +57,16 @@ static void test_mistakes_are_shown_while_they_are_made(void **state)
     struct glass g;
     live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
     live_glass_draw_until(&g, live_glass_sees_person);
-    EXPECT_INT(g.viewer.state.page, PAGE_LIVE);
+    EXPECT_INT(g.state->page, PAGE_LIVE);
     const struct live_tally t = live_glass_do_attempt(&g);
     // A slow machine draws few of the frames, and which depends on it.
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
     EXPECT_AT_MOST(t.different[PART_LEFT_FOREARM], t.different[PART_RIGHT_FOREARM] / 3);
     EXPECT_AT_LEAST(t.wrong_pixels, 40);
-    EXPECT_TRUE(g.viewer.live.shown.compared);
+    EXPECT_TRUE(viewer_live_view(g.viewer).attempt->compared);
     EXPECT_TRUE(live_glass_finds(&g, "Right elbow") || live_glass_finds(&g, "Right forearm"));
-    EXPECT_INT(g.viewer.state.live.result_count, 1);
+    EXPECT_INT(g.state->live.result_count, 1);
     check_attempt_is_kept(&g);
     glass_close(&g);
 }
@@ -76,17 +76,17 @@ static void test_the_same_again_is_right(void **state)
     (void)state;
     struct glass g;
     live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.right});
-    g.viewer.state.live.screen = LIVE_BESIDE;
+    g.state->live.screen = LIVE_BESIDE;
     live_glass_draw_until(&g, live_glass_sees_person);
-    g.viewer.state.live.screen = LIVE_BESIDE;
+    g.state->live.screen = LIVE_BESIDE;
     const struct live_tally t = live_glass_do_attempt(&g);
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     for (int p = 0; p < PART_COUNT; p++)
         EXPECT_AT_MOST(t.different[p], t.frames / 5);
     // That no body points are looked for is said, once, with what to do.
-    EXPECT_TRUE(g.viewer.live.no_points_told);
-    EXPECT_TRUE(strstr(live_sensor_query(g.viewer.live.sensor).no_body_points, "models --fetch"));
-    EXPECT_AT_LEAST(g.viewer.live.shown.comparison.score, 75);
+    EXPECT_TRUE(viewer_live_view(g.viewer).no_points_told);
+    EXPECT_TRUE(strstr(live_sensor_query(viewer_live_view(g.viewer).sensor).no_body_points, "models --fetch"));
+    EXPECT_AT_LEAST(viewer_live_view(g.viewer).attempt->comparison.score, 75);
     glass_close(&g);
 }
 
@@ -98,17 +98,16 @@ static void test_the_actor_mirrored_is_the_reference(void **state)
     (void)state;
     struct glass g;
     live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
-    struct viewer *v = &g.viewer;
     live_glass_draw_until(&g, live_glass_sees_person);
-    view_state_do(&v->state, DO_MIRROR, clock_now_ns());
-    EXPECT_TRUE(v->state.live.mirrored);
+    view_state_do(g.state, DO_MIRROR, clock_now_ns());
+    EXPECT_TRUE(g.state->live.mirrored);
     const struct live_tally t = live_glass_do_attempt(&g);
-    EXPECT_TRUE(v->image.flip_x || !v->image.actor);
-    EXPECT_TRUE(v->live.shown.mirrored && v->live.page.mirrored);
+    EXPECT_TRUE(g.image->flip_x || !g.image->actor);
+    EXPECT_TRUE(viewer_live_view(g.viewer).attempt->mirrored && viewer_live_view(g.viewer).page->mirrored);
     // The exercise is the same on both sides, so that the mistake, made on the right, is found all the same.
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
-    EXPECT_TRUE(v->live.shown.compared);
+    EXPECT_TRUE(viewer_live_view(g.viewer).attempt->compared);
     glass_close(&g);
 }
 
@@ -158,7 +157,7 @@ static void save(struct glass *g, const char *folder, const char *name)
 {
     char path[600];
     for (int dark = 1; dark >= 0; dark--) {
-        g->viewer.state.dark = dark;
+        g->state->dark = dark;
         glass_draw(g);
         glass_read(g);
         snprintf(path, sizeof path, "%s/live-%s-%s-%s.png", folder, name, g->width < g->height ? "upright" : "wide",
@@ -169,7 +168,7 @@ static void save(struct glass *g, const char *folder, const char *name)
 
 static bool arms_are_wrong(const struct glass *g)
 {
-    const struct live_page *page = &g->viewer.live.page;
+    const struct live_page *page = viewer_live_view(g->viewer).page;
     return page->verdicts && page->verdicts[PART_RIGHT_FOREARM] == VERDICT_DIFFERENT && page->person_ns > 1500000000;
 }
 
@@ -185,7 +184,7 @@ static void save_screens(const struct live_glass *shown, const char *folder, boo
                  {"room", LIVE_ROOM, false}};
     struct glass g;
     live_glass_open(&g, upright ? SHORT : LONG, upright ? LONG : SHORT, shown);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     live_glass_draw_until(&g, live_glass_sees_person);
     s->live.hands_free = false;
     for (int64_t until_ns = clock_now_ns() + 200000000000; s->crossfade < 1 && clock_now_ns() < until_ns;)

@@ -58,7 +58,7 @@ static void make_long(const char *file, int64_t count)
     recording_free(&recording);
 }
 
-static int64_t decoded(void) { return take_view_frames_decoded(glass.viewer.take_view); }
+static int64_t decoded(void) { return take_view_frames_decoded(viewer_take_view(glass.viewer)); }
 
 static void open_glass(const char *file)
 {
@@ -71,9 +71,9 @@ static void open_glass(const char *file)
 static void wait_loaded(void)
 {
     const int64_t until_ns = clock_now_ns() + 20000000000;
-    while (take_view_waiting(glass.viewer.take_view) && clock_now_ns() < until_ns)
+    while (take_view_waiting(viewer_take_view(glass.viewer)) && clock_now_ns() < until_ns)
         glass_draw(&glass);
-    EXPECT_TRUE(!take_view_waiting(glass.viewer.take_view));
+    EXPECT_TRUE(!take_view_waiting(viewer_take_view(glass.viewer)));
 }
 
 // Until the last place is shown and what belongs to it is there: on a busy machine it is asked for later than drawn.
@@ -102,7 +102,7 @@ static void test_decodes_what_it_shows(void **state)
     open_glass(kept);
     const int64_t opening = decoded();
     print_message("second opening: %lld of %lld frames decoded\n", (long long)opening,
-                  (long long)take_view_frames(glass.viewer.take_view));
+                  (long long)take_view_frames(viewer_take_view(glass.viewer)));
     EXPECT_AT_MOST((double)opening, 3);
     glass_seek(&glass, 0);
     glass_prepare(&glass);

@@ -5,7 +5,7 @@
 //     test_room_screens FOLDER   images of the screens
 #include "tests/support/test.h"
 
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
 #include "base/clock.h"
 #include "platform/files/png.h"
 #include "tests/support/glass.h"
@@ -54,9 +54,9 @@ static void wait_filmed(struct glass *g)
     const struct room_picture *p = NULL;
     for (int64_t until = clock_now_ns() + 200000000000; clock_now_ns() < until && !(p && p->final);) {
         glass_draw(g);
-        p = g->viewer.room.worker ? room_worker_latest(g->viewer.room.worker) : NULL;
+        p = viewer_room_view(g->viewer).worker ? room_worker_latest(viewer_room_view(g->viewer).worker) : NULL;
         if (p && p->final &&
-            (v3_distance(p->world_from_view.translation, g->viewer.image.world_from_camera.translation) > 1e-6))
+            (v3_distance(p->world_from_view.translation, g->image->world_from_camera.translation) > 1e-6))
             p = NULL;
         clock_sleep_until_ns(clock_now_ns() + 5000000);
     }
@@ -66,23 +66,12 @@ static void wait_filmed(struct glass *g)
 
 static void wait_map(struct glass *g)
 {
-    for (int64_t until = clock_now_ns() + 60000000000; clock_now_ns() < until && !g->viewer.room.mesh_came;) {
+    for (int64_t until = clock_now_ns() + 60000000000;
+         clock_now_ns() < until && !viewer_room_view(g->viewer).mesh_came;) {
         glass_draw(g);
         clock_sleep_until_ns(clock_now_ns() + 5000000);
     }
-    EXPECT_TRUE(g->viewer.room.mesh_came);
-    glass_draw(g);
-}
-
-static void touch(struct glass *g, double x_dp, double y_dp)
-{
-    const double scale = glass_scale(g);
-    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 3, .x = x_dp * scale, .y = y_dp * scale};
-    input_map_event(&g->viewer.input, &g->viewer.state, &e, scale, clock_now_ns());
-    glass_draw(g);
-    e.kind = WINDOW_POINTER_UP;
-    input_map_event(&g->viewer.input, &g->viewer.state, &e, scale, clock_now_ns());
-    glass_draw(g);
+    EXPECT_TRUE(viewer_room_view(g->viewer).mesh_came);
     glass_draw(g);
 }
 
@@ -92,10 +81,10 @@ static void type(struct glass *g, const char *keys)
     for (; *keys; keys++) {
         const struct window_event key = {.kind = WINDOW_KEY, .key = *keys};
         const struct window_event text = {.kind = WINDOW_TEXT, .text = {*keys}};
-        const bool types = view_state_types(&g->viewer.state);
-        input_map_event(&g->viewer.input, &g->viewer.state, &key, glass_scale(g), clock_now_ns());
+        const bool types = view_state_types(g->state);
+        glass_event(g, &key);
         if (types && *keys >= 32)
-            input_map_event(&g->viewer.input, &g->viewer.state, &text, glass_scale(g), clock_now_ns());
+            glass_event(g, &text);
         glass_draw(g);
     }
 }
@@ -103,13 +92,14 @@ static void type(struct glass *g, const char *keys)
 // Where the picture shows the thing, dp.
 static struct ui_point on_screen(const struct glass *g, int thing)
 {
-    const struct take_view_image *p = &g->viewer.image;
+    const struct take_view_image *p = g->image;
     const double scale = glass_scale(g);
-    struct view_state *s = (struct view_state *)(uintptr_t)&g->viewer.state;
+    struct view_state *s = g->state;
     const struct layout l = layout_of(g->width / scale, g->height / scale, s, p);
     const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, l.picture), false};
     struct ui_point at = {-1, -1};
-    EXPECT_TRUE(figure_point(&view, g->viewer.room.things.known.things[thing].world_from_thing.translation, &at));
+    EXPECT_TRUE(
+        figure_point(&view, viewer_room_view(g->viewer).things->known.things[thing].world_from_thing.translation, &at));
     return at;
 }
 
@@ -120,19 +110,19 @@ static void test_a_touch_opens_what_is_known(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     pause_at(&g, 0.5);
     EXPECT_INT(s->room.thing_count, ROOM_THINGS);
     glass_wait_idle(&g);
-    const int *side = g.viewer.screens.room.sides[0];
+    const int *side = viewer_screens(g.viewer)->room.sides[0];
     EXPECT_TRUE(side[0] != LABEL_NO_SIDE);
-    const struct ui_point at = on_screen(&g, 0), label = middle(g.viewer.screens.room.boxes[0][0]);
+    const struct ui_point at = on_screen(&g, 0), label = middle(viewer_screens(g.viewer)->room.boxes[0][0]);
     print_message("the dumbbell is at %.0f, %.0f dp, its label at %.0f, %.0f\n", at.x, at.y, label.x, label.y);
     EXPECT_AT_MOST(hypot(at.x - label.x, at.y - label.y), 160);
-    touch(&g, label.x, label.y);
+    glass_tap(&g, label);
     EXPECT_INT(s->sheet, SHEET_CARD);
     EXPECT_INT(s->room.card, 0);
-    const struct thing_card *card = g.viewer.room.page.card;
+    const struct thing_card *card = viewer_room_view(g.viewer).page->card;
     EXPECT_TRUE(card && card->picture && card->body && card->is_model);
     assert_string_equal(card->name, "Dumbbell, 2.5 kg");
     assert_string_equal(card->weight, "2.5 kg");
@@ -140,10 +130,10 @@ static void test_a_touch_opens_what_is_known(void **state)
     // The model turns.
     enum { PX = 320 };
     static uint8_t first[PX * PX * 4], second[PX * PX * 4];
-    EXPECT_STATUS(gpu_target_read(g.viewer.room.turning, first), OK);
+    EXPECT_STATUS(gpu_target_read(viewer_room_view(g.viewer).turning, first), OK);
     clock_sleep_until_ns(clock_now_ns() + 400000000);
     glass_draw(&g);
-    EXPECT_STATUS(gpu_target_read(g.viewer.room.turning, second), OK);
+    EXPECT_STATUS(gpu_target_read(viewer_room_view(g.viewer).turning, second), OK);
     int drawn = 0, moved = 0;
     for (int i = 0; i < PX * PX; i++) {
         drawn += first[4 * i + 3] > 200;
@@ -163,7 +153,7 @@ static void test_typing_finds_a_thing(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     pause_at(&g, 0.5);
     type(&g, "w");
     EXPECT_INT(s->sheet, SHEET_THINGS);
@@ -182,7 +172,7 @@ static void test_typing_finds_a_thing(void **state)
     print_message("accent: %d pixels with the arrow, %d without\n", led, plain);
     EXPECT_AT_LEAST(led - plain, 60);
     type(&g, "w");
-    touch(&g, 1100, 260); // the first row of the list
+    glass_tap(&g, (struct ui_point){1100, 260}); // the first row of the list
     EXPECT_TRUE(s->room.wanted >= 0 && s->room.wanted < ROOM_THINGS);
     glass_close(&g);
 }
@@ -206,7 +196,7 @@ static void test_the_map_is_beside_the_picture(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, LONG / SHARE, SHORT / SHARE, rehearsal.camera);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     glass_wait_located(&g, true);
     glass_seek(&g, 0.5);
     view_state_do(s, DO_MAP, clock_now_ns());
@@ -216,11 +206,11 @@ static void test_the_map_is_beside_the_picture(void **state)
     const double colored = share_of_color(&g, (struct ui_box){0.55 * w, 0.15 * h, 0.4 * w, 0.6 * h});
     print_message("%.2f of the map's middle is coloured\n", colored);
     EXPECT_AT_LEAST(colored, 0.1);
-    EXPECT_TRUE(g.viewer.room.page.viewer_known && g.viewer.room.path_count >= 1);
+    EXPECT_TRUE(viewer_room_view(g.viewer).page->viewer_known && viewer_room_view(g.viewer).page->path_count >= 1);
     // A robot that was driven there, and its way.
-    EXPECT_TRUE(g.viewer.room.driven && g.viewer.room.page.drive);
+    EXPECT_TRUE(*viewer_room_view(g.viewer).driven && viewer_room_view(g.viewer).page->drive);
     const int with = glass_count_color(&g, theme_of(true)->right, 8);
-    g.viewer.room.driven = false;
+    *viewer_room_view(g.viewer).driven = false;
     glass_draw(&g);
     glass_read(&g);
     const int without = glass_count_color(&g, theme_of(true)->right, 8);
@@ -228,23 +218,22 @@ static void test_the_map_is_beside_the_picture(void **state)
     EXPECT_AT_LEAST(with - without, 20); // lines, mostly blended
     // A finger and the wheel move the map's viewpoint and not the actor's.
     const struct orbit map = s->room.map_orbit, orbit = s->orbit;
-    const double scale = glass_scale(&g);
-    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 0.75 * g.width, .y = 0.4 * g.height};
-    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 0.75 * w, .y = 0.4 * h};
+    glass_event(&g, &e);
     glass_draw(&g);
     e.kind = WINDOW_POINTER_MOVE;
-    e.x -= 60;
-    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    e.x -= 60 / glass_scale(&g);
+    glass_event(&g, &e);
     glass_draw(&g);
     e = (struct window_event){.kind = WINDOW_WHEEL, .amount = 2};
-    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    glass_event(&g, &e);
     glass_draw(&g);
     EXPECT_AT_LEAST(s->room.map_orbit.angle_rad - map.angle_rad, 0.2);
     EXPECT_AT_LEAST(map.distance_m - s->room.map_orbit.distance_m, 0.2);
     EXPECT_NEAR(s->orbit.angle_rad, orbit.angle_rad, 0);
     e = (struct window_event){.kind = WINDOW_PAD_AXIS, .axis = PAD_RIGHT_X, .amount = 1};
     const double before = s->room.map_orbit.angle_rad;
-    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    glass_event(&g, &e);
     glass_draw(&g);
     clock_sleep_until_ns(clock_now_ns() + 50000000);
     glass_draw(&g);
@@ -258,7 +247,7 @@ static void test_the_map_is_beside_the_picture(void **state)
 // the share of it.
 static double difference_to_truth(const struct glass *g, const struct world *w, double *filmed)
 {
-    const struct room_picture *p = room_worker_latest(g->viewer.room.worker);
+    const struct room_picture *p = room_worker_latest(viewer_room_view(g->viewer).worker);
     const size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
     uint8_t *truth = malloc(3 * pixels);
     const struct world_shot shot = {p->lens, p->world_from_view, 0, false};
@@ -281,14 +270,14 @@ struct filling {
 
 static struct filling filling_of(const struct glass *g, const struct world *w)
 {
-    const struct room_picture *p = room_worker_latest(g->viewer.room.worker);
-    const struct lens *lens = &g->viewer.room.surface_lens;
+    const struct room_picture *p = room_worker_latest(viewer_room_view(g->viewer).worker);
+    const struct lens of_surface = viewer_room_view(g->viewer).surface_lens, *lens = &of_surface;
     uint8_t *truth = malloc(3 * lens_pixels(&p->lens)), *surface = malloc(4 * lens_pixels(lens));
     const struct world_shot shot = {p->lens, p->world_from_view, 0, false};
     struct filling out = {0, 0, 0};
     double count = 0;
     EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.color = truth}), OK);
-    EXPECT_STATUS(gpu_target_read(g->viewer.room.surface, surface), OK);
+    EXPECT_STATUS(gpu_target_read(viewer_room_view(g->viewer).surface, surface), OK);
     for (int y = 0; y < p->lens.height; y++)
         for (int x = 0; x < p->lens.width; x++) {
             const int i = y * p->lens.width + x;
@@ -330,8 +319,8 @@ static void test_the_map_fills_what_was_not_filmed(void **state)
     EXPECT_STATUS(world_open(&world, &options), OK);
     open_glass(&g, LONG / 4, SHORT / 4, NULL);
     pause_at(&g, 0.5);
-    const double angle = g.viewer.state.orbit.angle_rad;
-    while (!room_worker_latest(g.viewer.room.worker) || !g.viewer.room.surface) {
+    const double angle = g.state->orbit.angle_rad;
+    while (!room_worker_latest(viewer_room_view(g.viewer).worker) || !viewer_room_view(g.viewer).surface) {
         glass_draw(&g);
         clock_sleep_until_ns(clock_now_ns() + 5000000);
     }
@@ -339,7 +328,7 @@ static void test_the_map_fills_what_was_not_filmed(void **state)
     expect_filled("first picture", first, 0.1);
     EXPECT_AT_MOST(first.open, 0.5 * first.unfilmed);
     for (int i = 0; i < (SANITIZED ? 2 : 4); i++) { // any side runs the same code
-        g.viewer.state.orbit.angle_rad = angle + i * 1.5707963267948966;
+        g.state->orbit.angle_rad = angle + i * 1.5707963267948966;
         glass_wait_idle(&g);
         wait_filmed(&g);
         expect_filled("another side", filling_of(&g, world), 0);
@@ -351,14 +340,14 @@ static void test_the_map_fills_what_was_not_filmed(void **state)
 // While the viewpoint moves, each frame shows the room from its own viewpoint, whatever the worker does meanwhile.
 static void expect_room_moves(struct glass *g)
 {
-    struct view_state *s = &g->viewer.state;
-    const int64_t number = room_worker_latest(g->viewer.room.worker)->number;
+    struct view_state *s = g->state;
+    const int64_t number = room_worker_latest(viewer_room_view(g->viewer).worker)->number;
     const size_t pixels = (size_t)g->width * (size_t)g->height;
     uint8_t *moved = malloc(4 * pixels), *made = malloc(4 * pixels);
     s->orbit.angle_rad += 0.05; // some centimetres aside
     glass_draw(g);
-    EXPECT_TRUE(g->viewer.image.filmed);
-    const bool bent = room_worker_latest(g->viewer.room.worker)->number == number;
+    EXPECT_TRUE(g->image->filmed);
+    const bool bent = room_worker_latest(viewer_room_view(g->viewer).worker)->number == number;
     glass_read(g);
     memcpy(moved, g->rgba, 4 * pixels);
     wait_filmed(g);
@@ -380,7 +369,7 @@ static void test_an_orbit_shows_and_moves_the_filmed_room(void **state)
     options.threads = 2;
     EXPECT_STATUS(world_open(&world, &options), OK);
     open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     pause_at(&g, 0.5);
     wait_filmed(&g);
     double filmed;
@@ -389,7 +378,7 @@ static void test_an_orbit_shows_and_moves_the_filmed_room(void **state)
                   off);
     EXPECT_AT_LEAST(filmed, 0.5); // measured 0.95
     EXPECT_AT_MOST(off, 14);      // measured 4.4
-    EXPECT_TRUE(g.viewer.image.filmed && g.viewer.request.in_room);
+    EXPECT_TRUE(g.image->filmed && viewer_request(g.viewer)->in_room);
     expect_room_moves(&g);
     // Where nothing was filmed the ground and its hatching are seen: the layer is transparent there.
     glass_read(&g);
@@ -398,7 +387,7 @@ static void test_an_orbit_shows_and_moves_the_filmed_room(void **state)
     view_state_do(s, DO_FILMED, clock_now_ns());
     glass_draw(&g);
     glass_draw(&g);
-    EXPECT_TRUE(!g.viewer.image.filmed && !g.viewer.request.in_room);
+    EXPECT_TRUE(!g.image->filmed && !viewer_request(g.viewer)->in_room);
     glass_read(&g);
     EXPECT_AT_LEAST(glass_difference(&g, with), 8);
     free(with);
@@ -413,10 +402,10 @@ enum { BEHIND_ACTOR, BEFORE_ACTOR, PLACED };
 // On the line of sight to the actor's trunk, so far beyond it.
 static void put_thing(struct glass *g, int thing, double beyond_m)
 {
-    const struct take_view_image *p = &g->viewer.image;
+    const struct take_view_image *p = g->image;
     const struct vec3 eye = p->world_from_camera.translation, trunk = p->skeleton.joint[JOINT_TORSO];
     const struct vec3 along = v3_unit(v3_sub(trunk, eye));
-    struct room_thing *t = &g->viewer.room.things.shown[thing];
+    struct room_thing *t = &viewer_room_view(g->viewer).things->shown[thing];
     t->world_from_thing = (struct pose){p->world_from_camera.rotation, v3_add(trunk, v3_scale(along, beyond_m))};
     t->width_m = t->height_m = 0.1;
     t->sigma_m = 0.005;
@@ -430,7 +419,7 @@ static void open_with_hidden_things(struct glass *g, int share)
     put_thing(g, BEHIND_ACTOR, 0.6);
     put_thing(g, BEFORE_ACTOR, -0.6);
     for (int i = 0; i < 3; i++) {
-        g->viewer.has_image = false; // the same request, of other things
+        viewer_redraw(g->viewer); // the same request, of other things
         glass_draw(g);
     }
 }
@@ -453,16 +442,16 @@ static void test_what_the_actor_hides_is_an_outline(void **state)
     (void)state;
     struct glass g;
     open_with_hidden_things(&g, SHARE);
-    const struct room_ui *ui = &g.viewer.screens.room;
-    EXPECT_TRUE(g.viewer.room.things.shown[BEHIND_ACTOR].hidden);
-    EXPECT_TRUE(!g.viewer.room.things.shown[BEFORE_ACTOR].hidden);
+    const struct room_ui *ui = &viewer_screens(g.viewer)->room;
+    EXPECT_TRUE(viewer_room_view(g.viewer).things->shown[BEHIND_ACTOR].hidden);
+    EXPECT_TRUE(!viewer_room_view(g.viewer).things->shown[BEFORE_ACTOR].hidden);
     EXPECT_TRUE(ui->sides[0][BEHIND_ACTOR] != LABEL_NO_SIDE && ui->sides[0][BEFORE_ACTOR] != LABEL_NO_SIDE);
     const size_t bytes = (size_t)g.width * (size_t)g.height * 4;
     uint8_t *without = malloc(bytes), *with = malloc(bytes);
     EXPECT_TRUE(without && with);
     glass_read(&g);
     memcpy(with, g.rgba, bytes);
-    g.viewer.state.room.names = false;
+    g.state->room.names = false;
     glass_draw(&g);
     glass_read(&g);
     memcpy(without, g.rgba, bytes);
@@ -498,7 +487,7 @@ static const char *const names[IMAGES] = {"labels", "card", "find", "map", "orbi
 
 static void show(struct glass *g, int n)
 {
-    struct view_state *s = &g->viewer.state;
+    struct view_state *s = g->state;
     s->sheet = SHEET_NONE;
     s->room.map = n == 3;
     s->orbit_requested = n == 4;
@@ -510,7 +499,7 @@ static void show(struct glass *g, int n)
     if (n == 3)
         wait_map(g);
     if (n == 4) {
-        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad + 0.35;
+        s->orbit.angle_rad = take_view_orbit(viewer_take_view(g->viewer)).angle_rad + 0.35;
         s->orbit.rise_rad = 0.2;
         glass_wait_idle(g);
         wait_filmed(g);
@@ -541,7 +530,7 @@ static void save_images(const char *folder)
         glass_seek(&g, 0.4);
         for (int n = 0; n < IMAGES; n++)
             for (int dark = 1; dark >= 0; dark--) {
-                g.viewer.state.dark = dark;
+                g.state->dark = dark;
                 show(&g, n);
                 glass_read(&g);
                 snprintf(path, sizeof path, "%s/%s-%s-%s.png", folder, names[n], upright ? "upright" : "wide",

@@ -2,7 +2,7 @@
 // once as it is in the end.
 #include "tests/support/test.h"
 
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
 #include "base/clock.h"
 #include "tests/support/glass.h"
 #include "tests/support/room_rehearsal.h"
@@ -31,14 +31,14 @@ static void open_glass(struct glass *g, bool by_card)
 static bool is_done(struct glass *g, bool by_card)
 {
     int views;
-    struct room_worker *worker = g->viewer.room.worker;
+    struct room_worker *worker = viewer_room_view(g->viewer).worker;
     if (!worker)
         return false;
     if (by_card)
-        return g->viewer.image.filmed && room_worker_idle(worker, &views) && !room_views_more(g->viewer.room.views);
+        return g->image->filmed && room_worker_idle(worker, &views) &&
+               !room_views_more(viewer_room_view(g->viewer).views);
     const struct room_picture *p = room_worker_latest(worker);
-    return p && p->final &&
-           v3_distance(p->world_from_view.translation, g->viewer.image.world_from_camera.translation) < 1e-6;
+    return p && p->final && v3_distance(p->world_from_view.translation, g->image->world_from_camera.translation) < 1e-6;
 }
 
 // Draws until the room is as good as it gets; the worker is asked once more when the viewpoint has come to rest.
@@ -62,7 +62,7 @@ static void test_as_the_worker_draws_it(void **state)
     uint8_t *drawn = malloc(4 * PIXELS), *moved = malloc(4 * PIXELS);
     open_glass(&g, false);
     wait_filmed(&g, false);
-    EXPECT_TRUE(!g.viewer.room.views);
+    EXPECT_TRUE(!viewer_room_view(g.viewer).views);
     memcpy(drawn, g.rgba, 4 * PIXELS);
     glass_close(&g);
 
@@ -70,7 +70,7 @@ static void test_as_the_worker_draws_it(void **state)
     wait_filmed(&g, true);
     const double apart = glass_difference(&g, drawn);
     memcpy(moved, g.rgba, 4 * PIXELS);
-    g.viewer.state.orbit.angle_rad += 0.05; // some centimetres aside
+    g.state->orbit.angle_rad += 0.05; // some centimetres aside
     glass_draw(&g);
     glass_read(&g);
     const double moved_by = glass_difference(&g, moved);

@@ -6,7 +6,7 @@
 #include "tests/support/test.h"
 
 #include "app/ui/view_compositor.h"
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
@@ -47,23 +47,64 @@ static void test_takes_are_chosen_by_touch(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     glass_draw(&g);
     EXPECT_INT(s->page, PAGE_TAKES);
     glass_read(&g);
     EXPECT_AT_LEAST(glass_count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
     // A finger taps the second card.
-    const double scale = glass_scale(&g);
-    struct window_event down = {.kind = WINDOW_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale},
-                        up = down;
-    up.kind = WINDOW_POINTER_UP;
-    EXPECT_TRUE(input_map_event(&g.viewer.input, s, &down, scale, clock_now_ns()));
-    glass_draw(&g);
-    EXPECT_TRUE(input_map_event(&g.viewer.input, s, &up, scale, clock_now_ns()));
-    glass_draw(&g);
-    glass_draw(&g);
+    glass_tap(&g, (struct ui_point){600, 300});
     EXPECT_INT(s->page, PAGE_WATCH);
     EXPECT_INT(s->take, 1);
+    glass_close(&g);
+}
+
+// What was pressed before a page was seen is not meant for it, as in the studio: neither before the first frame nor
+// while another page is still on the screen; and a finger that was lifted meanwhile presses nothing.
+static void test_input_older_than_the_page_is_dropped(void **state)
+{
+    (void)state;
+    static const struct window_event key = {.kind = WINDOW_KEY, .key = 'd'}, quit = {.kind = WINDOW_QUIT};
+    struct window_event finger = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 60, .y = 60};
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL);
+    const struct input_map *input = viewer_input(g.viewer);
+    glass_event(&g, &key);
+    EXPECT_TRUE(g.state->dark);
+    glass_draw(&g);
+    EXPECT_INT(g.state->page, PAGE_TAKES);
+    glass_event(&g, &key);
+    EXPECT_TRUE(!g.state->dark);
+    EXPECT_TRUE(glass_event(&g, &finger) && input->pointer_down);
+    view_state_choose_take(g.state, 0);
+    viewer_update(g.viewer, clock_now_ns());
+    EXPECT_INT(g.state->page, PAGE_WATCH); // opened, and not drawn yet
+    finger.kind = WINDOW_POINTER_UP;
+    EXPECT_TRUE(!glass_event(&g, &finger));
+    EXPECT_TRUE(!input->pointer_down && !input->gesture.count && !input->gesture.tapped);
+    glass_event(&g, &key);
+    EXPECT_TRUE(!g.state->dark);
+    glass_draw(&g);
+    glass_event(&g, &key);
+    EXPECT_TRUE(g.state->dark);
+    view_state_do(g.state, DO_TAKES, clock_now_ns());
+    EXPECT_INT(g.state->page, PAGE_TAKES);
+    glass_event(&g, &quit); // but the window is closed whatever it shows
+    EXPECT_TRUE(g.state->quit && viewer_query(g.viewer).quit);
+    glass_close(&g);
+}
+
+// The window fills the screen from the start where that is asked for, until the user says otherwise.
+static void test_the_whole_screen_is_asked_for(void **state)
+{
+    (void)state;
+    struct glass g;
+    const struct viewer_options options = {.file = rehearsal.file, .fullscreen = true, .refresh_hz = 60};
+    glass_open(&g, LONG / 2, SHORT / 2, &options);
+    glass_draw(&g);
+    EXPECT_TRUE(viewer_query(g.viewer).fullscreen && viewer_options_again(g.viewer).fullscreen);
+    glass_press(&g, 'f');
+    EXPECT_TRUE(!viewer_query(g.viewer).fullscreen);
     glass_close(&g);
 }
 
@@ -72,22 +113,22 @@ static void test_orbit_follows_finger(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     glass_draw(&g);
     glass_seek(&g, 0.5);
     glass_draw(&g);
     glass_draw(&g);
     glass_body(&g);
     EXPECT_TRUE(s->orbiting && s->page == PAGE_WATCH);
-    EXPECT_AT_LEAST(g.viewer.image.parts, 8);
+    EXPECT_AT_LEAST(g.image->parts, 8);
     EXPECT_TRUE(view_state_hint(s) == NULL);
     const double scale = glass_scale(&g), angle = s->orbit.angle_rad;
-    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 200, .y = 150};
-    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 200 / scale, .y = 150 / scale};
+    glass_event(&g, &e);
     glass_draw(&g);
     e.kind = WINDOW_POINTER_MOVE;
-    e.x = 250;
-    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    e.x = 250 / scale;
+    glass_event(&g, &e);
     glass_draw(&g);
     EXPECT_AT_LEAST(angle - s->orbit.angle_rad, 0.3);
     glass_close(&g);
@@ -99,18 +140,17 @@ static void test_no_redraw_without_change(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     glass_draw(&g);
     glass_seek(&g, 0.5);
     // Until the avatar is built and the orbit has reached the actor.
-    for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->crossfade < 1 || !g.viewer.image.full;
-         i++) {
+    for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->crossfade < 1 || !g.image->full; i++) {
         glass_draw_and_wait(&g);
         EXPECT_TRUE(clock_now_ns() < until);
     }
     s->changed = false;
-    g.viewer.checked_ns = clock_now_ns(); // the file is checked once a second
-    int64_t now = clock_now_ns(), next = viewer_update(&g.viewer, now);
+    viewer_set_checked(g.viewer, clock_now_ns()); // the file is checked once a second
+    int64_t now = clock_now_ns(), next = viewer_update(g.viewer, now);
     EXPECT_TRUE(!s->changed);
     EXPECT_AT_LEAST(next - now, 100000000);
     glass_close(&g);
@@ -123,13 +163,15 @@ static void test_actor_and_camera_are_synchronous(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
     glass_wait_located(&g, true);
-    struct viewer *v = &g.viewer;
-    EXPECT_TRUE(v->image.camera && v->image.actor && !v->state.orbiting);
+    EXPECT_TRUE(g.image->camera && g.image->actor && !g.state->orbiting);
     for (int i = 0; i < 10; i++) {
         glass_draw(&g);
-        EXPECT_INT(v->request.camera_number, v->frame->number);
-        EXPECT_INT(v->request.time_ns, playback_at(&v->state.playback, v->frame->received_ns));
-        EXPECT_INT(memcmp(&v->request.world_from_camera, &v->frame->world_from_camera, sizeof(struct pose)), 0);
+        EXPECT_INT(viewer_request(g.viewer)->camera_number, viewer_camera_frame(g.viewer)->number);
+        EXPECT_INT(viewer_request(g.viewer)->time_ns,
+                   playback_at(&g.state->playback, viewer_camera_frame(g.viewer)->received_ns));
+        EXPECT_INT(memcmp(&viewer_request(g.viewer)->world_from_camera,
+                          &viewer_camera_frame(g.viewer)->world_from_camera, sizeof(struct pose)),
+                   0);
     }
     glass_close(&g);
 }
@@ -141,7 +183,7 @@ static void draw_turned(struct glass *g, int quarter_turns)
     EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height),
                   OK);
     const struct viewer_surface glass = {g->target, g->width, g->height, quarter_turns, glass_scale(g)};
-    EXPECT_STATUS(viewer_draw(&g->viewer, &glass, clock_now_ns()), OK);
+    EXPECT_STATUS(viewer_draw(g->viewer, &glass, clock_now_ns()), OK);
     glass_read(g);
 }
 
@@ -187,8 +229,8 @@ static void test_touch_targets_are_large_enough(void **state)
         const struct viewer_surface glass = {g.target, g.width, g.height, 0, scale};
         glass_prepare(&g); // else the progress bar is shown, too
         for (int n = 0; n < 2; n++) {
-            viewer_update(&g.viewer, clock_now_ns());
-            EXPECT_STATUS(viewer_draw(&g.viewer, &glass, clock_now_ns()), OK);
+            viewer_update(g.viewer, clock_now_ns());
+            EXPECT_STATUS(viewer_draw(g.viewer, &glass, clock_now_ns()), OK);
             glass_seek(&g, 0.5);
         }
         glass_read(&g);
@@ -208,41 +250,39 @@ static void test_skipped_draws_lose_nothing(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
     glass_wait_located(&g, true);
-    struct viewer *v = &g.viewer;
-    int64_t hidden = clock_now_ns(), at_ns = playback_at(&v->state.playback, hidden);
-    EXPECT_TRUE(v->state.playback.playing);
-    viewer_suspend(v, true, hidden);
+    int64_t hidden = clock_now_ns(), at_ns = playback_at(&g.state->playback, hidden);
+    EXPECT_TRUE(g.state->playback.playing);
+    viewer_suspend(g.viewer, true, hidden);
     clock_sleep_until_ns(hidden + 300000000); // the camera is being closed
-    int64_t received = camera_feed_query(v->feed).received;
+    int64_t received = viewer_feed_state(g.viewer).received;
     clock_sleep_until_ns(clock_now_ns() + 400000000);
-    EXPECT_INT(camera_feed_query(v->feed).received, received);
+    EXPECT_INT(viewer_feed_state(g.viewer).received, received);
     int64_t shown = clock_now_ns();
-    viewer_suspend(v, false, shown);
-    EXPECT_INT(playback_at(&v->state.playback, shown), at_ns);
+    viewer_suspend(g.viewer, false, shown);
+    EXPECT_INT(playback_at(&g.state->playback, shown), at_ns);
     for (int64_t until = shown + 30000000000;
-         camera_feed_query(v->feed).received == received && clock_now_ns() < until;)
+         viewer_feed_state(g.viewer).received == received && clock_now_ns() < until;)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     glass_wait_located(&g, true);
-    EXPECT_AT_LEAST(camera_feed_query(v->feed).received, received + 1);
+    EXPECT_AT_LEAST(viewer_feed_state(g.viewer).received, received + 1);
     glass_close(&g);
 }
 
 // How many pixels of that texture are outside of the box that it is drawn in; adds those inside to *within.
 static int count_outside(struct glass *g, const struct gpu_texture *texture, struct ui_box box, int *within)
 {
-    struct viewer *v = &g->viewer;
     const double scale = glass_scale(g);
     const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
     const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
-    const struct lens *lens = &v->image.lens;
+    const struct lens *lens = &g->image->lens;
     struct cover cover = cover_of(lens, all);
     struct ui_box whole = {cover.x, cover.y, cover.scale * lens->width, cover.scale * lens->height};
     EXPECT_TRUE(texture);
-    EXPECT_STATUS(ui_begin(v->ui, &input), OK);
-    ui_fade(v->ui, all, 0xffffffff, 0xffffffff); // a background without soft edges
-    ui_image(v->ui, texture, whole, (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
-    ui_end(v->ui);
-    EXPECT_STATUS(ui_draw(v->ui, g->target, 0), OK);
+    EXPECT_STATUS(ui_begin(viewer_ui(g->viewer), &input), OK);
+    ui_fade(viewer_ui(g->viewer), all, 0xffffffff, 0xffffffff); // a background without soft edges
+    ui_image(viewer_ui(g->viewer), texture, whole, (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_end(viewer_ui(g->viewer));
+    EXPECT_STATUS(ui_draw(viewer_ui(g->viewer), g->target, 0), OK);
     glass_read(g);
     int beyond = 0;
     for (int y = 0; y < g->height; y++)
@@ -263,13 +303,13 @@ static void test_whole_actor_is_drawn(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
-    g.viewer.state.orbit.distance_m = 4;
+    g.state->orbit.distance_m = 4;
     for (int i = 0; i < 8; i++) {
-        const struct take_view_image *p = &g.viewer.image;
+        const struct take_view_image *p = g.image;
         const struct ui_box all = {0, 0, g.width / glass_scale(&g), g.height / glass_scale(&g)};
         int within = 0, shaded = 0;
         glass_seek(&g, i / 7.0);
-        g.viewer.state.orbit.angle_rad += 0.8;
+        g.state->orbit.angle_rad += 0.8;
         glass_draw(&g);
         const struct cover cover = cover_of(&p->lens, all);
         EXPECT_INT(count_outside(&g, p->actor, compositor_actor_box(p, cover, all), &within), 0);
@@ -287,9 +327,9 @@ static void test_screenshot_omits_controls(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
     glass_wait_located(&g, true);
-    view_state_do(&g.viewer.state, DO_SCREENSHOT, clock_now_ns());
+    view_state_do(g.state, DO_SCREENSHOT, clock_now_ns());
     glass_draw(&g);
-    const char *notice = g.viewer.state.notice, *name = strstr(notice, "reenact-");
+    const char *notice = g.state->notice, *name = strstr(notice, "reenact-");
     EXPECT_TRUE(name);
     uint8_t *bytes, *rgb = malloc(640 * 480 * 3);
     size_t count;
@@ -298,7 +338,7 @@ static void test_screenshot_omits_controls(void **state)
     double sum = 0;                                              // beside the actor it shows the camera's image
     for (int y = 0; y < 120; y++)
         for (int x = 0; x < 3 * 120; x++)
-            sum += abs(rgb[y * 640 * 3 + x] - g.viewer.frame->rgb[y * 640 * 3 + x]);
+            sum += abs(rgb[y * 640 * 3 + x] - viewer_camera_frame(g.viewer)->rgb[y * 640 * 3 + x]);
     EXPECT_AT_MOST(sum / (120 * 360), 4);
     free(rgb);
     free(bytes);
@@ -314,16 +354,16 @@ static void test_removed_recording_plays_on(void **state)
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
     EXPECT_INT(rename(rehearsal.file, away), 0);
-    g.viewer.checked_ns = 0;
+    viewer_set_checked(g.viewer, 0);
     glass_seek(&g, 0.8);
     glass_draw(&g);
-    EXPECT_TRUE(view_state_hint(&g.viewer.state) && strstr(view_state_hint(&g.viewer.state), "removed"));
+    EXPECT_TRUE(view_state_hint(g.state) && strstr(view_state_hint(g.state), "removed"));
     glass_body(&g);
-    EXPECT_AT_LEAST(g.viewer.image.parts, 8);
+    EXPECT_AT_LEAST(g.image->parts, 8);
     EXPECT_INT(rename(away, rehearsal.file), 0);
-    g.viewer.checked_ns = 0;
+    viewer_set_checked(g.viewer, 0);
     glass_draw(&g);
-    EXPECT_TRUE(!view_state_hint(&g.viewer.state));
+    EXPECT_TRUE(!view_state_hint(g.state));
     glass_close(&g);
 }
 
@@ -333,21 +373,21 @@ static void test_lost_camera_gives_advice(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.blind);
     glass_wait_located(&g, false);
-    const char *hint = view_state_hint(&g.viewer.state);
+    const char *hint = view_state_hint(g.state);
     EXPECT_TRUE(hint && strstr(hint, "tag"));
     glass_close(&g);
     // And a camera that does not exist.
     char nowhere[300];
     snprintf(nowhere, sizeof nowhere, "folder:%s", scratch_file(&rehearsal.scratch, "nowhere"));
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", nowhere);
-    for (int i = 0; i < 500 && !*g.viewer.feed_state.trouble; i++) {
-        viewer_update(&g.viewer, clock_now_ns());
+    for (int i = 0; i < 500 && !*viewer_feed_state(g.viewer).trouble; i++) {
+        viewer_update(g.viewer, clock_now_ns());
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     }
     glass_draw(&g);
-    hint = view_state_hint(&g.viewer.state);
+    hint = view_state_hint(g.state);
     EXPECT_TRUE(hint && strstr(hint, "nowhere"));
-    EXPECT_TRUE(g.viewer.state.orbiting); // the take can be watched all the same
+    EXPECT_TRUE(g.state->orbiting); // the take can be watched all the same
     glass_close(&g);
 }
 
@@ -358,21 +398,20 @@ static void test_mirror_flips_actor(void **state)
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
     glass_seek(&g, 0.5);
-    struct viewer *v = &g.viewer;
     glass_draw(&g);
-    struct vec3 left = v->image.skeleton.joint[JOINT_LEFT_SHOULDER],
-                right = v->image.skeleton.joint[JOINT_RIGHT_SHOULDER];
-    view_state_do(&v->state, DO_MIRROR, clock_now_ns());
+    struct vec3 left = g.image->skeleton.joint[JOINT_LEFT_SHOULDER],
+                right = g.image->skeleton.joint[JOINT_RIGHT_SHOULDER];
+    view_state_do(g.state, DO_MIRROR, clock_now_ns());
     glass_draw(&g);
-    struct vec3 mirrored = v->image.skeleton.joint[JOINT_LEFT_SHOULDER];
-    EXPECT_TRUE(v->image.flip_x);
+    struct vec3 mirrored = g.image->skeleton.joint[JOINT_LEFT_SHOULDER];
+    EXPECT_TRUE(g.image->flip_x);
     // The left shoulder is where the right one was, except for how far the actor leans.
     EXPECT_AT_MOST(v3_distance(mirrored, right), v3_distance(mirrored, left));
     // Drawn with the skeleton.
-    view_state_do(&v->state, DO_SKELETON, clock_now_ns());
+    view_state_do(g.state, DO_SKELETON, clock_now_ns());
     glass_draw(&g);
     glass_body(&g);
-    EXPECT_AT_LEAST(v->image.parts, 8);
+    EXPECT_AT_LEAST(g.image->parts, 8);
     glass_close(&g);
 }
 
@@ -382,13 +421,13 @@ static void test_file_without_take_is_reported(void **state)
     struct glass g;
     open_glass(&g, SHORT / 2, LONG / 2, scratch_file(&rehearsal.scratch, "none.reenact"), NULL, NULL);
     glass_draw(&g);
-    EXPECT_INT(g.viewer.state.page, PAGE_TROUBLE);
-    EXPECT_TRUE(strstr(g.viewer.state.trouble, "none.reenact"));
+    EXPECT_INT(g.state->page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.state->trouble, "none.reenact"));
     glass_close(&g);
     open_glass(&g, SHORT / 2, LONG / 2, rehearsal.file, "another take", NULL);
     glass_draw(&g);
-    EXPECT_INT(g.viewer.state.page, PAGE_TROUBLE);
-    EXPECT_TRUE(strstr(g.viewer.state.trouble, "another take"));
+    EXPECT_INT(g.state->page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.state->trouble, "another take"));
     glass_close(&g);
 }
 
@@ -401,7 +440,7 @@ static const char *const screen_names[SCREENS] = {"takes", "place",   "orbit", "
 // Sets the view state for screen number n.
 static void show_screen(struct glass *g, int n)
 {
-    struct view_state *s = &g->viewer.state;
+    struct view_state *s = g->state;
     int64_t now = clock_now_ns();
     glass_seek(g, 0.42);
     s->sheet = SHEET_NONE;
@@ -413,11 +452,11 @@ static void show_screen(struct glass *g, int n)
     case 0: s->page = PAGE_TAKES; break;
     case 2:
         view_state_do(s, DO_ORBIT, now);
-        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad;
+        s->orbit.angle_rad = take_view_orbit(viewer_take_view(g->viewer)).angle_rad;
         break;
     case 3:
         view_state_do(s, DO_ORBIT, now);
-        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad + 0.4;
+        s->orbit.angle_rad = take_view_orbit(viewer_take_view(g->viewer)).angle_rad + 0.4;
         s->skeleton = s->inset = s->frame_graph = true;
         s->sheet = SHEET_LAYERS;
         break;
@@ -425,7 +464,7 @@ static void show_screen(struct glass *g, int n)
     case 5:
         s->sources = true;
         view_state_do(s, DO_ORBIT, now);
-        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad + 1;
+        s->orbit.angle_rad = take_view_orbit(viewer_take_view(g->viewer)).angle_rad + 1;
         break;
     case 6:
         view_state_do(s, DO_MOVE, now);
@@ -449,11 +488,11 @@ static void capture_screen(struct glass *g, int n, const char *folder)
     const size_t bytes = (size_t)g->width * (size_t)g->height * 4;
     for (int dark = 1; dark >= 0; dark--) {
         char path[600];
-        g->viewer.state.dark = dark;
+        g->state->dark = dark;
         show_screen(g, n);
         glass_draw(g);
         glass_draw(g); // the second shows what a tap changed
-        if (folder && g->viewer.state.orbiting)
+        if (folder && g->state->orbiting)
             glass_wait_idle(g);
         else if (folder)
             glass_wait_located(g, n < SCREENS - 1);
@@ -477,7 +516,7 @@ static void capture_screens(const char *file, const char *take, const char *came
     const int share = folder ? 1 : SHARE, width = (upright ? SHORT : LONG) / share,
               height = (upright ? LONG : SHORT) / share;
     open_glass(&g, width, height, file, take, camera);
-    g.viewer.state.take_wanted = true;
+    g.state->take_wanted = true;
     glass_wait_located(&g, true);
     if (folder)
         glass_prepare(&g);
@@ -485,7 +524,7 @@ static void capture_screens(const char *file, const char *take, const char *came
         capture_screen(&g, n, folder);
     glass_close(&g);
     open_glass(&g, width, height, file, take, blind);
-    g.viewer.state.take_wanted = true;
+    g.state->take_wanted = true;
     glass_wait_located(&g, false);
     capture_screen(&g, SCREENS - 1, folder);
     glass_close(&g);
@@ -525,6 +564,8 @@ int main(int argc, char **argv)
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_takes_are_chosen_by_touch),
+        cmocka_unit_test(test_input_older_than_the_page_is_dropped),
+        cmocka_unit_test(test_the_whole_screen_is_asked_for),
         cmocka_unit_test(test_orbit_follows_finger),
 #ifndef EMULATED // which would build the avatar twice
         cmocka_unit_test(test_no_redraw_without_change),

@@ -334,7 +334,7 @@ static void film_takes(struct stage *g, const char *uri)
     EXPECT_AT_LEAST(stage_colors(g), 20);
     stage_save_all(g, "playback");
     stage_press(g, 'd'); // what is chosen there holds for the studio's own pages
-    g->studio.viewer.state.quit = true;
+    viewer_state(g->studio.viewer)->quit = true;
     stage_draw(g);
     stage_draw(g);
     EXPECT_TRUE(!g->studio.playing && g->studio.state.page == STUDIO_REVIEW);

@@ -411,9 +411,9 @@ static void test_trim_while_it_plays(void **state)
     stage_draw(&g);
     wait_page(&g, STUDIO_REVIEW, 1);
     stage_press(&g, 'p');
-    EXPECT_TRUE(g.studio.playing && g.studio.viewer.state.trim.offered);
+    EXPECT_TRUE(g.studio.playing && viewer_state(g.studio.viewer)->trim.offered);
     stage_draw(&g);
-    struct view_state *v = &g.studio.viewer.state;
+    struct view_state *v = viewer_state(g.studio.viewer);
     const int64_t now_ns = clock_now_ns() + g.skipped_ns;
     stage_press(&g, 's'); // nothing is marked
     EXPECT_TRUE(g.studio.playing);

@@ -193,7 +193,7 @@ static void test_takes_without_a_verdict_are_judged(void **state)
     EXPECT_STATUS(file_read(path, &before, &before_count), OK);
     const struct viewer_options options = {.file = path, .refresh_hz = 60};
     glass_open(&g, 640, 400, &options);
-    const struct take_card *card = &g.viewer.takes.cards[0];
+    const struct take_card *card = &viewer_takes(g.viewer)->cards[0];
     const int64_t until_ns = clock_now_ns() + 60 * (int64_t)1000000000;
     glass_draw(&g);
     while (!card->judged && clock_now_ns() < until_ns) {
@@ -216,21 +216,7 @@ static void test_takes_without_a_verdict_are_judged(void **state)
 
 static bool in_sight(const struct glass *g, int take)
 {
-    return take >= g->viewer.screens.first_in_sight && take < g->viewer.screens.end_in_sight;
-}
-
-static void press(struct glass *g, int key)
-{
-    const struct window_event event = {.kind = WINDOW_KEY, .key = key};
-    (void)input_map_event(&g->viewer.input, &g->viewer.state, &event, glass_scale(g), clock_now_ns());
-    glass_draw(g);
-}
-
-static void turn_wheel(struct glass *g, double notches)
-{
-    const struct window_event event = {.kind = WINDOW_WHEEL, .amount = notches};
-    (void)input_map_event(&g->viewer.input, &g->viewer.state, &event, glass_scale(g), clock_now_ns());
-    glass_draw(g);
+    return take >= viewer_screens(g->viewer)->first_in_sight && take < viewer_screens(g->viewer)->end_in_sight;
 }
 
 // The take that keys select is always in sight; the wheel scrolls, and does not bring it back.
@@ -244,23 +230,23 @@ static void test_the_page_follows_what_is_selected(void **state)
     write_takes(path, COUNT);
     const struct viewer_options options = {.file = path, .refresh_hz = 60};
     glass_open(&g, 640, 400, &options);
-    struct view_state *s = &g.viewer.state;
+    struct view_state *s = g.state;
     glass_draw(&g);
     EXPECT_INT(s->page, PAGE_TAKES);
     EXPECT_TRUE(in_sight(&g, 0) && !in_sight(&g, COUNT - 1));
     for (int i = 0; i < COUNT - 1; i++) {
-        press(&g, WINDOW_KEY_RIGHT);
+        glass_press(&g, WINDOW_KEY_RIGHT);
         EXPECT_INT(s->take, i + 1);
         EXPECT_TRUE(in_sight(&g, s->take));
     }
     EXPECT_TRUE(!in_sight(&g, 0));
-    turn_wheel(&g, 1000);
+    glass_turn_wheel(&g, 1000);
     EXPECT_TRUE(in_sight(&g, 0) && s->take == COUNT - 1);
     glass_draw(&g);
-    EXPECT_NEAR(g.viewer.screens.scroll, 0, 0);
-    turn_wheel(&g, -3);
-    EXPECT_NEAR(g.viewer.screens.scroll, 300, 0);
-    press(&g, WINDOW_KEY_HOME);
+    EXPECT_NEAR(viewer_screens(g.viewer)->scroll, 0, 0);
+    glass_turn_wheel(&g, -3);
+    EXPECT_NEAR(viewer_screens(g.viewer)->scroll, 300, 0);
+    glass_press(&g, WINDOW_KEY_HOME);
     EXPECT_TRUE(in_sight(&g, 0) && s->take == 0);
     glass_close(&g);
 }

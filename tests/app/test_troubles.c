@@ -36,7 +36,7 @@ static void expect_hint(struct glass *g, const char *word)
     const char *hint;
     do {
         glass_draw(g);
-        hint = view_state_hint(&g->viewer.state);
+        hint = view_state_hint(g->state);
         clock_sleep_until_ns(clock_now_ns() + 2000000);
     } while ((!hint || !strstr(hint, word)) && clock_now_ns() < until_ns);
     print_message("%s\n", hint ? hint : "no hint");
@@ -46,9 +46,9 @@ static void expect_hint(struct glass *g, const char *word)
 static void expect_camera_works(struct glass *g)
 {
     glass_wait_located(g, true);
-    EXPECT_TRUE(g->viewer.state.presence == 1 && !view_state_hint(&g->viewer.state));
+    EXPECT_TRUE(g->state->presence == 1 && !view_state_hint(g->state));
     glass_body(g);
-    EXPECT_TRUE(!g->viewer.state.orbiting && g->viewer.image.camera && g->viewer.image.parts > 0);
+    EXPECT_TRUE(!g->state->orbiting && g->image->camera && g->image->parts > 0);
 }
 
 static void test_missing_camera_is_awaited(void **state)
@@ -57,9 +57,9 @@ static void test_missing_camera_is_awaited(void **state)
     struct glass g;
     open_glass(&g, "later");
     expect_hint(&g, "later");
-    EXPECT_TRUE(g.viewer.state.orbiting && g.viewer.state.playback.playing); // the take can be watched all the same
+    EXPECT_TRUE(g.state->orbiting && g.state->playback.playing); // the take can be watched all the same
     glass_body(&g);
-    EXPECT_AT_LEAST(g.viewer.image.parts, 1);
+    EXPECT_AT_LEAST(g.image->parts, 1);
     move("viewer", "later");
     expect_camera_works(&g);
     move("later", "viewer");
@@ -75,7 +75,7 @@ static void test_camera_can_be_replugged(void **state)
     for (int times = 0; times < 2; times++) {
         move("viewer", "pulled");
         expect_hint(&g, "viewer");
-        EXPECT_TRUE(g.viewer.state.playback.playing && g.viewer.state.page == PAGE_WATCH);
+        EXPECT_TRUE(g.state->playback.playing && g.state->page == PAGE_WATCH);
         move("pulled", "viewer");
         expect_camera_works(&g);
     }
@@ -106,7 +106,7 @@ static void test_camera_without_tag_continues(void **state)
     struct glass g;
     open_glass(&g, "wall");
     expect_hint(&g, "Point the camera at a tag");
-    EXPECT_NEAR(g.viewer.state.presence, 0, 0);
+    EXPECT_NEAR(g.state->presence, 0, 0);
     move("wall", "blank");
     move("viewer", "wall");
     expect_camera_works(&g);
@@ -147,11 +147,12 @@ static void test_actor_without_a_position(void **state)
     make_take_of_elsewhere(file);
     open_file(&g, file, "viewer");
     expect_hint(&g, "recognised nothing of the place");
-    EXPECT_TRUE(g.viewer.state.orbiting && !g.viewer.image.camera);
+    EXPECT_TRUE(g.state->orbiting && !g.image->camera);
     glass_body(&g);
-    EXPECT_AT_LEAST(g.viewer.image.parts, 1);
-    EXPECT_TRUE(g.viewer.state.room.filmed && !viewer_room_wants_filmed(&g.viewer)); // it would be seen from elsewhere
-    EXPECT_TRUE(g.viewer.room.page.apart && !g.viewer.room.page.actor && !g.viewer.room.page.viewer_known);
+    EXPECT_AT_LEAST(g.image->parts, 1);
+    EXPECT_TRUE(g.state->room.filmed && !viewer_room_view(g.viewer).wants_filmed); // it would be seen from elsewhere
+    EXPECT_TRUE(viewer_room_view(g.viewer).page->apart && !viewer_room_view(g.viewer).page->actor &&
+                !viewer_room_view(g.viewer).page->viewer_known);
     glass_close(&g);
     const struct process_result said =
         PROCESS(PROGRAM_DIR "/reenact", "render", file, "--take", "turn", "--camera", camera, "--out", out);

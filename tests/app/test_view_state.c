@@ -3,7 +3,7 @@
 
 #include "app/state/frame_times.h"
 #include "app/ui/input_map.h"
-#include "app/viewer/viewer.h"
+#include "app/view/take_view.h"
 
 #include <string.h>
 
@@ -426,7 +426,7 @@ static void test_padding_causes_no_redraw(void **state)
     fill_request(&zeros);
     fill_request(&ones);
     EXPECT_TRUE(memcmp(&zeros, &ones, sizeof zeros) != 0); // there is padding, and it differs
-    EXPECT_TRUE(view_request_equal(&zeros, &ones));
+    EXPECT_TRUE(take_view_request_equal(&zeros, &ones));
 }
 
 // Fills two requests, changes one field of the second, and compares them.
@@ -436,7 +436,7 @@ static void test_padding_causes_no_redraw(void **state)
         fill_request(&a);                                                                                              \
         fill_request(&b);                                                                                              \
         b.change;                                                                                                      \
-        EXPECT_TRUE(!view_request_equal(&a, &b));                                                                      \
+        EXPECT_TRUE(!take_view_request_equal(&a, &b));                                                                 \
     } while (0)
 
 static void test_every_field_causes_a_redraw(void **state)
@@ -509,40 +509,10 @@ static void test_sides_of_an_orbit(void **state)
     EXPECT_NEAR(s.orbit.angle_rad, 0.3, 0);
 }
 
-// What was pressed before a page was seen is not meant for it, as in the studio: neither before the first frame nor
-// while another page is still on the screen; and a finger that was lifted meanwhile presses nothing.
-static void test_input_older_than_the_page_is_dropped(void **state)
-{
-    (void)state;
-    static struct viewer v;
-    static const struct window_event key = {.kind = WINDOW_KEY, .key = 'd'}, quit = {.kind = WINDOW_QUIT};
-    struct window_event finger = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 60, .y = 60};
-    v.state = view_state_start(2, true, 0);
-    viewer_event(&v, &key, 1, 0);
-    EXPECT_TRUE(v.state.dark);
-    input_map_frame_done(&v.input, PAGE_TAKES);
-    viewer_event(&v, &key, 1, 0);
-    EXPECT_TRUE(!v.state.dark);
-    EXPECT_TRUE(viewer_event(&v, &finger, 1, 0) && v.input.pointer_down);
-    v.state.page = PAGE_WATCH; // opened, and not drawn yet
-    finger.kind = WINDOW_POINTER_UP;
-    EXPECT_TRUE(!viewer_event(&v, &finger, 1, 0));
-    EXPECT_TRUE(!v.input.pointer_down && !v.input.gesture.count && !v.input.gesture.tapped);
-    viewer_event(&v, &key, 1, 0);
-    EXPECT_TRUE(!v.state.dark);
-    input_map_frame_done(&v.input, PAGE_WATCH);
-    viewer_event(&v, &key, 1, 0);
-    EXPECT_TRUE(v.state.dark);
-    v.state.page = PAGE_TAKES;
-    viewer_event(&v, &quit, 1, 0); // but the window is closed whatever it shows
-    EXPECT_TRUE(v.state.quit);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sides_of_an_orbit),
-        cmocka_unit_test(test_input_older_than_the_page_is_dropped),
         cmocka_unit_test(test_playback_speed_and_loop),
         cmocka_unit_test(test_without_loop_stops_at_end_and_restarts),
         cmocka_unit_test(test_steps_land_on_frames),

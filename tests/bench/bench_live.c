@@ -82,20 +82,19 @@ static double draw(struct glass *g)
 {
     const struct viewer_surface surface = {g->target, g->width, g->height, 0, glass_scale(g)};
     const int64_t begun_ns = clock_now_ns();
-    if (viewer_draw(&g->viewer, &surface, begun_ns) != OK || gpu_wait(g->gpu) != OK)
+    if (viewer_draw(g->viewer, &surface, begun_ns) != OK || gpu_wait(g->gpu) != OK)
         abort();
-    viewer_presented(&g->viewer, clock_now_ns());
+    viewer_presented(g->viewer, clock_now_ns());
     return (double)(clock_now_ns() - begun_ns) * 1e-6;
 }
 
 // The loop of reenact_watch.c: draws when there is something new.
 static void play(struct glass *g, enum live_screen screen, struct screen_times *out)
 {
-    struct viewer *v = &g->viewer;
-    struct view_state *s = &v->state;
+    struct view_state *s = g->state;
     int64_t seen = 0, last_attempt = s->live.attempt;
     for (const int64_t until_ns = clock_now_ns() + 120000000000; clock_now_ns() < until_ns;) {
-        viewer_update(v, clock_now_ns());
+        viewer_update(g->viewer, clock_now_ns());
         s->live.screen = screen;
         if (s->live.phase == LIVE_READY && s->live.person_ns && s->live.attempt == last_attempt)
             view_state_do(s, DO_PLAY_PAUSE, clock_now_ns());
@@ -106,7 +105,7 @@ static void play(struct glass *g, enum live_screen screen, struct screen_times *
             continue;
         }
         const double draw_ms = draw(g);
-        const struct live_frame *f = v->live.frame;
+        const struct live_frame *f = viewer_live_view(g->viewer).frame;
         // A film's first frame has waited for the attempt.
         if (!f || f->number == seen || s->live.phase != LIVE_DOING || f->attempt != s->live.attempt)
             continue;
@@ -115,7 +114,7 @@ static void play(struct glass *g, enum live_screen screen, struct screen_times *
         add(&out->track, (double)(f->tracked_ns - f->received_ns) * 1e-6);
         add(&out->latency, (double)(clock_now_ns() - f->received_ns) * 1e-6);
     }
-    const struct live_sensor_state state = live_sensor_query(v->live.sensor);
+    const struct live_sensor_state state = live_sensor_query(viewer_live_view(g->viewer).sensor);
     out->tracked = state.received;
     out->dropped = state.dropped;
     view_state_do(s, DO_BACK, clock_now_ns());
@@ -152,8 +151,8 @@ static enum status play_screens(struct bench *b, const char *file, const char *s
     enum status status = OK;
     glass_open(&g, GLASS_LONG, GLASS_SHORT, &options);
     glass_draw(&g);
-    g.viewer.state.live.hands_free = false;
-    while (g.viewer.state.crossfade < 1)
+    g.state->live.hands_free = false;
+    while (g.state->crossfade < 1)
         glass_draw_and_wait(&g);
     for (int screen = LIVE_MIRROR; screen <= LIVE_BESIDE && status == OK; screen++) {
         times.track.count = times.draw.count = times.latency.count = 0;

@@ -20,26 +20,27 @@ static int64_t made(void) { return gpu_get_counts(glass.gpu).made; }
 // Draws the first frame until the viewer is idle, at that level of the resolution governor.
 static void draw_at(int level)
 {
-    glass.viewer.governor.level = level;
+    viewer_governor(glass.viewer)->level = level;
     glass_wait_idle(&glass);
-    EXPECT_NEAR(glass.viewer.request.resolution_scale, governor_scale(&glass.viewer.governor), 0);
-    EXPECT_TRUE(glass.viewer.image.prepared);
-    EXPECT_AT_LEAST(glass.viewer.image.parts, 8);
+    EXPECT_NEAR(viewer_request(glass.viewer)->resolution_scale, governor_scale(viewer_governor(glass.viewer)), 0);
+    EXPECT_TRUE(glass.image->prepared);
+    EXPECT_AT_LEAST(glass.image->parts, 8);
 }
 
 // The image last drawn, without controls, with the actor or without.
 static void draw_scene(bool with_actor)
 {
-    struct viewer *t = &glass.viewer;
     const struct ui_input input = {
-        .width_px = glass.width, .height_px = glass.height, .px_per_dp = ui_px_per_dp(t->ui)};
-    const struct brush brush = {t->ui, theme_of(true), NULL};
-    struct view_state show = t->state;
+        .width_px = glass.width, .height_px = glass.height, .px_per_dp = ui_px_per_dp(viewer_ui(glass.viewer))};
+    const struct brush brush = {viewer_ui(glass.viewer), theme_of(true), NULL};
+    struct view_state show = *glass.state;
     show.presence = with_actor;
-    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
-    compositor_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->image, &show);
-    ui_end(t->ui);
-    EXPECT_STATUS(ui_draw(t->ui, glass.target, 0), OK);
+    EXPECT_STATUS(ui_begin(viewer_ui(glass.viewer), &input), OK);
+    compositor_draw(&brush,
+                    (struct ui_box){0, 0, ui_width(viewer_ui(glass.viewer)), ui_height(viewer_ui(glass.viewer))},
+                    glass.image, &show);
+    ui_end(viewer_ui(glass.viewer));
+    EXPECT_STATUS(ui_draw(viewer_ui(glass.viewer), glass.target, 0), OK);
     glass_read(&glass);
 }
 
@@ -47,15 +48,15 @@ static void draw_scene(bool with_actor)
 static void test_playback_does_not_wait_for_frames(void **state)
 {
     (void)state;
-    struct playback_clock *player = &glass.viewer.state.playback;
+    struct playback_clock *player = &glass.state->playback;
     const int64_t made_before = made(), now = clock_now_ns();
     playback_set_speed(player, now, PLAYBACK_SLOWEST);
     playback_play(player, now, true);
     playback_seek(player, clock_now_ns(), player->length_ns - player->step_ns);
     glass_draw(&glass);
-    EXPECT_TRUE(glass.viewer.request.playing);
-    EXPECT_AT_LEAST((double)glass.viewer.request.time_ns, 4e9); // only the first frame is resident
-    EXPECT_AT_LEAST(glass.viewer.image.parts, 8);
+    EXPECT_TRUE(viewer_request(glass.viewer)->playing);
+    EXPECT_AT_LEAST((double)viewer_request(glass.viewer)->time_ns, 4e9); // only the first frame is resident
+    EXPECT_AT_LEAST(glass.image->parts, 8);
     EXPECT_INT(made(), made_before);
     glass_seek(&glass, 0);
     playback_set_speed(player, clock_now_ns(), 1);
@@ -80,7 +81,7 @@ static void test_resolution_change_costs_nothing(void **state)
         draw_scene(true);
         const double off = glass_difference(&glass, fine);
         print_message("at %.2f: %lld made, %d compiled; difference %.3f, of the whole actor %.3f\n",
-                      governor_scale(&glass.viewer.governor), (long long)(made() - made_before),
+                      governor_scale(viewer_governor(glass.viewer)), (long long)(made() - made_before),
                       compiled_shader_count() - compiled_before, off, actor);
         EXPECT_AT_MOST(off, 0.1 * actor); // the same place and size
     }
@@ -95,7 +96,7 @@ static void test_later_frames_cost_as_the_first(void **state)
     (void)state;
     draw_at(0);
     const int compiled_before = compiled_shader_count();
-    const int64_t frames = take_view_frames(glass.viewer.take_view);
+    const int64_t frames = take_view_frames(viewer_take_view(glass.viewer));
     for (int64_t i = 0; i < frames; i++) {
         glass_seek(&glass, (double)i / (double)(frames - 1));
         glass_wait_idle(&glass);

@@ -14,6 +14,8 @@ void glass_open(struct glass *g, int width, int height, const struct viewer_opti
     EXPECT_STATUS(gpu_open(&g->gpu), OK);
     EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height), OK);
     EXPECT_STATUS(viewer_open(&g->viewer, g->gpu, options), OK);
+    g->state = viewer_state(g->viewer);
+    g->image = viewer_image(g->viewer);
 }
 
 void glass_close(struct glass *g)
@@ -33,31 +35,64 @@ void glass_draw(struct glass *g)
 {
     const struct viewer_surface glass = {g->target, g->width, g->height, 0, glass_scale(g)};
     int64_t now = clock_now_ns();
-    viewer_update(&g->viewer, now);
-    EXPECT_STATUS(viewer_draw(&g->viewer, &glass, now), OK);
-    viewer_presented(&g->viewer, clock_now_ns());
+    viewer_update(g->viewer, now);
+    EXPECT_STATUS(viewer_draw(g->viewer, &glass, now), OK);
+    viewer_presented(g->viewer, clock_now_ns());
+}
+
+bool glass_event(struct glass *g, const struct window_event *event)
+{
+    const double scale = glass_scale(g);
+    struct window_event e = *event;
+    e.x *= scale;
+    e.y *= scale;
+    return viewer_event(g->viewer, &e, scale, clock_now_ns());
+}
+
+void glass_press(struct glass *g, int key)
+{
+    glass_event(g, &(struct window_event){.kind = WINDOW_KEY, .key = key});
+    glass_draw(g);
+}
+
+void glass_turn_wheel(struct glass *g, double notches)
+{
+    glass_event(g, &(struct window_event){.kind = WINDOW_WHEEL, .amount = notches});
+    glass_draw(g);
+}
+
+void glass_tap(struct glass *g, struct ui_point at)
+{
+    struct window_event finger = {.kind = WINDOW_POINTER_DOWN, .pointer = 3, .x = at.x, .y = at.y};
+    EXPECT_TRUE(glass_event(g, &finger));
+    glass_draw(g);
+    finger.kind = WINDOW_POINTER_UP;
+    EXPECT_TRUE(glass_event(g, &finger));
+    glass_draw(g);
+    glass_draw(g);
 }
 
 void glass_draw_and_wait(struct glass *g)
 {
     glass_draw(g);
-    if (g->viewer.take_view && take_view_progress(g->viewer.take_view) < 1)
+    const struct take_view *view = viewer_take_view(g->viewer);
+    if (view && take_view_progress(view) < 1)
         clock_sleep_until_ns(clock_now_ns() + 50000000);
 }
 
 void glass_body(struct glass *g)
 {
-    for (int64_t until = clock_now_ns() + 200000000000; g->viewer.image.making && clock_now_ns() < until;)
+    for (int64_t until = clock_now_ns() + 200000000000; g->image->making && clock_now_ns() < until;)
         glass_draw_and_wait(g);
-    EXPECT_TRUE(!g->viewer.image.making);
+    EXPECT_TRUE(!g->image->making);
 }
 
 void glass_prepare(struct glass *g)
 {
     for (int64_t until = clock_now_ns() + 200000000000;
-         (g->viewer.state.crossfade < 1 || !g->viewer.image.full) && clock_now_ns() < until;)
+         (g->state->crossfade < 1 || !g->image->full) && clock_now_ns() < until;)
         glass_draw_and_wait(g);
-    EXPECT_NEAR(g->viewer.state.crossfade, 1, 0);
+    EXPECT_NEAR(g->state->crossfade, 1, 0);
 }
 
 void glass_wait_idle(struct glass *g)
@@ -65,14 +100,14 @@ void glass_wait_idle(struct glass *g)
     int drawn = 0;
     do
         glass_draw(g);
-    while ((g->viewer.state.changed || drawn < 2) && drawn++ < 100);
+    while ((g->state->changed || drawn < 2) && drawn++ < 100);
 }
 
 void glass_read(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
 
 void glass_wait_located(struct glass *g, bool placed)
 {
-    struct view_state *s = &g->viewer.state;
+    struct view_state *s = g->state;
     int64_t until = clock_now_ns() + 60000000000;
     do {
         glass_draw(g);
@@ -85,7 +120,7 @@ void glass_wait_located(struct glass *g, bool placed)
 
 void glass_seek(struct glass *g, double share)
 {
-    struct view_state *s = &g->viewer.state;
+    struct view_state *s = g->state;
     playback_play(&s->playback, clock_now_ns(), false);
     playback_seek(&s->playback, clock_now_ns(), (int64_t)(share * (double)s->playback.length_ns));
 }

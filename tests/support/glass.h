@@ -1,6 +1,7 @@
 // A tablet without a window: the app drawn into memory, for tests of its screens. Errors fail the test.
 #pragma once
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
+#include "platform/screen/window.h"
 
 enum { GLASS_LONG = 1280, GLASS_SHORT = 800 }; // px, of a 10-inch tablet
 
@@ -9,7 +10,9 @@ struct glass {
     struct gpu_target *target;
     int width, height;
     uint8_t *rgba; // filled by glass_read
-    struct viewer viewer;
+    struct viewer *viewer;
+    struct view_state *state;            // the viewer's
+    const struct take_view_image *image; // likewise: the actor's picture that was drawn last
 };
 
 void glass_open(struct glass *g, int width, int height, const struct viewer_options *options);
@@ -19,6 +22,12 @@ void glass_close(struct glass *g);
 double glass_scale(const struct glass *g);
 
 void glass_draw(struct glass *g);
+
+// An event of the window, lengths in dp: passed on as the program's loop does. Returns whether to draw before the next.
+bool glass_event(struct glass *g, const struct window_event *event);
+void glass_press(struct glass *g, int key);             // and draws
+void glass_turn_wheel(struct glass *g, double notches); // and draws
+void glass_tap(struct glass *g, struct ui_point at);    // a finger, at dp; draws
 
 // Draws, and leaves the processors to the avatar builder while it runs.
 void glass_draw_and_wait(struct glass *g);

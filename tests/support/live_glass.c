@@ -23,8 +23,8 @@ void live_glass_open(struct glass *g, int width, int height, const struct live_g
 void live_glass_draw_what_is_new(struct glass *g)
 {
     const int64_t now_ns = clock_now_ns();
-    viewer_update(&g->viewer, now_ns);
-    if (g->viewer.state.changed)
+    viewer_update(g->viewer, now_ns);
+    if (g->state->changed)
         glass_draw(g);
     else
         clock_sleep_until_ns(now_ns + 4000000);
@@ -38,23 +38,23 @@ void live_glass_draw_until(struct glass *g, bool (*done)(const struct glass *g))
     while (!done(g) && clock_now_ns() < until_ns);
     if (!done(g))
         print_error("phase %d, %lld frames, in place %d, camera's frame %lld placed %d, presence %.2f, %s\n",
-                    g->viewer.state.live.phase, (long long)g->viewer.state.live.sight.frame,
-                    g->viewer.state.live.sight.in_place, (long long)g->viewer.state.camera.frame,
-                    g->viewer.state.camera.placed, g->viewer.state.presence, g->viewer.state.live.trouble);
+                    g->state->live.phase, (long long)g->state->live.sight.frame, g->state->live.sight.in_place,
+                    (long long)g->state->camera.frame, g->state->camera.placed, g->state->presence,
+                    g->state->live.trouble);
     EXPECT_TRUE(done(g));
 }
 
-bool live_glass_sees_person(const struct glass *g) { return g->viewer.state.live.person_ns != 0; }
-bool live_glass_is_doing(const struct glass *g) { return g->viewer.state.live.phase == LIVE_DOING; }
+bool live_glass_sees_person(const struct glass *g) { return g->state->live.person_ns != 0; }
+bool live_glass_is_doing(const struct glass *g) { return g->state->live.phase == LIVE_DOING; }
 bool live_glass_is_judged(const struct glass *g)
 {
-    const struct live_state *l = &g->viewer.state.live;
+    const struct live_state *l = &g->state->live;
     return l->phase == LIVE_SUMMARY && l->judged == l->finished;
 }
 
 static void print_tally(const struct glass *g, const struct live_tally *t)
 {
-    const struct comparison *c = &g->viewer.live.shown.comparison;
+    const struct comparison *c = &viewer_live_view(g->viewer).attempt->comparison;
     print_message("%d frames judged; right forearm different in %d, same in %d; left forearm %d, %d; %d pixels; "
                   "score %.1f\n",
                   t->frames, t->different[PART_RIGHT_FOREARM], t->same[PART_RIGHT_FOREARM],
@@ -67,14 +67,14 @@ struct live_tally live_glass_do_attempt(struct glass *g)
 {
     struct live_tally t = {0};
     int64_t seen = 0;
-    view_state_do(&g->viewer.state, DO_PLAY_PAUSE, clock_now_ns());
+    view_state_do(g->state, DO_PLAY_PAUSE, clock_now_ns());
     live_glass_draw_until(g, live_glass_is_doing);
     for (int64_t until_ns = clock_now_ns() + 120000000000; !live_glass_is_judged(g) && clock_now_ns() < until_ns;) {
         live_glass_draw_what_is_new(g);
-        const struct live_page *page = &g->viewer.live.page;
-        if (!live_glass_is_doing(g) || !page->verdicts || g->viewer.live.frame->number == seen)
+        const struct live_page *page = viewer_live_view(g->viewer).page;
+        if (!live_glass_is_doing(g) || !page->verdicts || viewer_live_view(g->viewer).frame->number == seen)
             continue;
-        seen = g->viewer.live.frame->number;
+        seen = viewer_live_view(g->viewer).frame->number;
         t.frames++;
         for (int p = 0; p < PART_COUNT; p++) {
             t.different[p] += page->verdicts[p] == VERDICT_DIFFERENT;
@@ -92,7 +92,7 @@ struct live_tally live_glass_do_attempt(struct glass *g)
 
 bool live_glass_finds(const struct glass *g, const char *words)
 {
-    const struct comparison *c = &g->viewer.live.shown.comparison;
+    const struct comparison *c = &viewer_live_view(g->viewer).attempt->comparison;
     for (int32_t i = 0; i < c->finding_count; i++)
         if (strstr(c->findings[i].sentence, words))
             return true;

@@ -27,7 +27,7 @@ void stage_draw(struct stage *g)
     studio_update(&g->studio, now_ns);
     EXPECT_STATUS(studio_draw(&g->studio, &surface, now_ns), OK);
     if (g->studio.playing)
-        viewer_presented(&g->studio.viewer, now_ns);
+        viewer_presented(g->studio.viewer, now_ns);
 }
 
 void stage_wait_for(struct stage *g, enum studio_page page, int64_t frames)
@@ -72,6 +72,13 @@ void stage_save(struct stage *g, const char *name)
     free(rgb);
 }
 
+static void set_dark(struct stage *stage, bool dark)
+{
+    stage->studio.state.dark = dark;
+    if (stage->studio.viewer)
+        viewer_state(stage->studio.viewer)->dark = dark;
+}
+
 // The page wide and upright, dark and light.
 void stage_save_all(struct stage *g, const char *page)
 {
@@ -80,12 +87,12 @@ void stage_save_all(struct stage *g, const char *page)
         for (int upright = 0; upright < 2; upright++) {
             char name[64];
             stage_size(g, upright ? 800 : 1280, upright ? 1280 : 800);
-            g->studio.state.dark = g->studio.viewer.state.dark = !light;
+            set_dark(g, !light);
             stage_draw(g);
             snprintf(name, sizeof name, "%s-%s-%s", page, upright ? "upright" : "wide", themes[light]);
             stage_save(g, name);
         }
-    g->studio.state.dark = g->studio.viewer.state.dark = true;
+    set_dark(g, true);
     stage_size(g, 1280, 800);
 }
 

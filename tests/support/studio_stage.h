@@ -1,6 +1,7 @@
 // The studio drawn into memory, its keys and buttons pressed, for tests. Errors fail the test.
 #pragma once
 #include "app/studio/studio.h"
+#include "app/viewer/viewer_inside.h"
 #include "tests/support/scratch.h"
 
 static const int64_t SECOND = 1000000000;

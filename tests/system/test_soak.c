@@ -5,7 +5,7 @@
 //     test_soak SECONDS FILE CAMERA     as long as given, with figures
 #include "tests/support/test.h"
 
-#include "app/viewer/viewer.h"
+#include "app/viewer/viewer_inside.h"
 #include "base/clock.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/work.h"
@@ -79,7 +79,7 @@ struct soak {
 struct soak_run {
     struct gpu *gpu;
     struct gpu_target *target;
-    struct viewer viewer;
+    struct viewer *viewer;
     struct viewer_surface surface;
     uint8_t *rgba;
     struct latency *latencies;
@@ -97,16 +97,17 @@ static int slowest_first(const void *a, const void *b)
 // Time to draw the camera's image alone and to wait for it, milliseconds.
 static double draw_camera_alone(struct soak_run *b)
 {
-    struct viewer *t = &b->viewer;
-    const struct ui_input input = {.width_px = WIDTH, .height_px = HEIGHT, .px_per_dp = ui_px_per_dp(t->ui)};
-    const struct brush brush = {t->ui, theme_of(true), NULL};
-    struct view_state alone = t->state;
+    struct viewer *t = b->viewer;
+    const struct ui_input input = {.width_px = WIDTH, .height_px = HEIGHT, .px_per_dp = ui_px_per_dp(viewer_ui(t))};
+    const struct brush brush = {viewer_ui(t), theme_of(true), NULL};
+    struct view_state alone = *viewer_state(t);
     alone.presence = 0;
     int64_t began = clock_now_ns();
-    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
-    compositor_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->image, &alone);
-    ui_end(t->ui);
-    EXPECT_STATUS(ui_draw(t->ui, b->target, 0), OK);
+    EXPECT_STATUS(ui_begin(viewer_ui(t), &input), OK);
+    compositor_draw(&brush, (struct ui_box){0, 0, ui_width(viewer_ui(t)), ui_height(viewer_ui(t))}, viewer_image(t),
+                    &alone);
+    ui_end(viewer_ui(t));
+    EXPECT_STATUS(ui_draw(viewer_ui(t), b->target, 0), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK);
     return (double)(clock_now_ns() - began) * 1e-6;
 }
@@ -114,24 +115,25 @@ static double draw_camera_alone(struct soak_run *b)
 // Draws the next camera image. False: there is none.
 static bool draw_next(struct soak_run *b, int64_t now, struct latency *latency)
 {
-    struct viewer *t = &b->viewer;
-    if (!t->frame || t->frame->number == b->last_camera_number || t->state.page != PAGE_WATCH)
+    struct viewer *t = b->viewer;
+    const struct camera_frame *frame = viewer_camera_frame(t);
+    if (!frame || frame->number == b->last_camera_number || viewer_state(t)->page != PAGE_WATCH)
         return false;
-    b->last_camera_number = t->frame->number;
+    b->last_camera_number = frame->number;
     const struct work before = work_so_far();
     EXPECT_STATUS(viewer_draw(t, &b->surface, now), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // waits for the GPU, as a display would
     viewer_presented(t, clock_now_ns());
-    *latency = (struct latency){.total_ms = (double)(clock_now_ns() - t->frame->received_ns) * 1e-6,
-                                .take_s = (double)t->request.time_ns * 1e-9,
-                                .resolution_scale = t->request.resolution_scale};
+    *latency = (struct latency){.total_ms = (double)(clock_now_ns() - frame->received_ns) * 1e-6,
+                                .take_s = (double)viewer_request(t)->time_ns * 1e-9,
+                                .resolution_scale = viewer_request(t)->resolution_scale};
     for (int i = 0; i < FRAME_STAGES; i++)
-        latency->ms[i] = (double)frame_times_at(&t->times, 0)[i];
+        latency->ms[i] = (double)frame_times_at(viewer_times(t), 0)[i];
     latency->work = work_since(&before);
     const double stolen_ms = before.stolen_ms + latency->work.stolen_ms;
     latency->stolen_ms = stolen_ms - b->stolen_ms;
     b->stolen_ms = stolen_ms;
-    latency->placed = t->frame->placed;
+    latency->placed = frame->placed;
     return true;
 }
 
@@ -139,13 +141,13 @@ static bool draw_next(struct soak_run *b, int64_t now, struct latency *latency)
 // latency.
 static void measure_reference(struct soak_run *b)
 {
-    const struct camera_frame *frame = b->viewer.frame;
+    const struct camera_frame *frame = viewer_camera_frame(b->viewer);
     const struct work before = work_so_far();
     b->alone_ms += draw_camera_alone(b) + (double)(frame->located_ns - frame->locating_ns) * 1e-6;
     b->cpu_alone_ms += work_since(&before).cpu_ms;
     b->references++;
-    viewer_update(&b->viewer, clock_now_ns());
-    b->last_camera_number = b->viewer.frame->number;
+    viewer_update(b->viewer, clock_now_ns());
+    b->last_camera_number = viewer_camera_frame(b->viewer)->number;
 }
 
 static void measure_memory(struct soak *s, bool late)
@@ -200,11 +202,11 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
     EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT), OK);
     EXPECT_STATUS(viewer_open(&b.viewer, b.gpu, &options), OK);
     b.surface = (struct viewer_surface){b.target, WIDTH, HEIGHT, 0, viewer_px_per_dp(149)};
-    view_state_choose_take(&b.viewer.state, 0);
+    view_state_choose_take(viewer_state(b.viewer), 0);
     int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9);
     for (int64_t now = began; now < began + length; now = clock_now_ns()) {
-        viewer_update(&b.viewer, now);
-        const struct take_view *stage = b.viewer.take_view;
+        viewer_update(b.viewer, now);
+        const struct take_view *stage = viewer_take_view(b.viewer);
         if (!stage || take_view_progress(stage) < 1 ||
             !take_view_final(stage)) { // time counts from when the take is ready
             began = now;
