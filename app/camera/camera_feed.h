@@ -1,6 +1,6 @@
 // The camera feed: the camera's images with their poses, from two threads of its own. One waits for images, one
 // localises the newest. Image and pose come as one frame, so that nothing is drawn into the image of another instant.
-// While the camera is lost, frames come without a pose (camera_localizer.h). Images that arrive faster than they can
+// While the camera is lost, frames come without a pose (localizer_locate). Images that arrive faster than they can
 // be localised are dropped; so is one whose pose took so long that a newer image is better (frame_times.h).
 //
 // A camera that fails is closed and opened again every second. A folder is played at the pace of its recording, in an
@@ -10,10 +10,59 @@
 // camera_feed_query and _suspend may be called from any thread. Memory: at most eight images, and two in the
 // relocalizer.
 #pragma once
-#include "app/camera/present_gap.h"
 #include "base/status.h"
+#include "locate/locator.h"
 #include "platform/sensors/dmabuf_image.h"
 #include "recording/place.h"
+
+// ---------------------------------------------------------------- present gap
+
+// The gap between two frames: from presenting one until drawing the next. A background computation that starts at the
+// beginning of a gap delays no frame if it ends within it. Any thread may call.
+
+struct present_gap;
+
+MUST_CHECK enum status present_gap_open(struct present_gap **out); // ERR_MEMORY
+void present_gap_close(struct present_gap **gap);                  // NULL is fine; no thread may be waiting
+
+void present_gap_begin(struct present_gap *gap); // a frame has been presented
+
+// How many gaps have begun: the argument of a later present_gap_wait.
+int64_t present_gap_count(struct present_gap *gap);
+// Blocks until more than `count` gaps have begun, at most 50 ms: maybe nothing is being drawn.
+void present_gap_wait(struct present_gap *gap, int64_t count);
+
+// ---------------------------------------------------------------- camera localizer
+
+// The camera's pose, image after image: the app's interface to tracking and relocalisation (locate/camera_tracker.h).
+// It survives a camera that is opened again and whose clock restarts.
+//
+// A camera that was tracked and is lost, or jumps, is relocalised on another thread of its own; meanwhile
+// images come without a pose. Where relocalisation was no help, or nothing was tracked before, localizer_locate blocks
+// until the image is localised.
+//
+// One thread calls.
+
+struct camera_localizer;
+
+// Copies what it needs of place and lens. gap: relocalisation starts in it; NULL: immediately; must outlive the
+// localizer. ERR_INPUT, ERR_MEMORY as locator_open; *out is then NULL.
+MUST_CHECK enum status localizer_open(struct camera_localizer **out, const struct place *place, const struct lens *lens,
+                                      struct present_gap *gap);
+void localizer_close(struct camera_localizer **localizer); // NULL is fine; waits for a running relocalisation
+
+// The lens used for the last image; self-calibration may have changed it: camera_tracker_lens.
+const struct lens *localizer_lens(const struct camera_localizer *localizer);
+
+// How many tags are not where the place has them, by the last image that was localised. *first: the lowest of their
+// numbers, -1 for none. See camera_tracker_moved_tags.
+int32_t localizer_moved_tags(const struct camera_localizer *localizer, int32_t *first);
+
+// color: RGB of the lens's size. time_ns: of the exposure, by the camera's clock.
+// OK, AMBIGUOUS: *world_from_camera is filled. NOTHING: the pose is not known. Errors as locator_localize; the next
+// image may be tried.
+MUST_CHECK enum status localizer_locate(struct camera_localizer *l, const uint8_t *color, int64_t time_ns,
+                                        struct pose *world_from_camera);
 
 // ---------------------------------------------------------------- mailbox
 

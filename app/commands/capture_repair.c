@@ -1,19 +1,107 @@
-// reenact-capture repair FILE: saves what can be read of a damaged recording.
+// reenact-capture verify FILE and repair FILE: what of a recording can be read, and a new one of it.
+#include "app/commands/command.h"
 #include "app/commands/commands.h"
-#include "app/commands/recording_report.h"
 #include "base/text.h"
 #include "capture/take_verdict.h"
 #include "platform/files/file.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- the report
+
+// As the end of a list of what is lost: covariances of joints; the place, or its views; and things.
+static void print_rest(const struct recording_report *report)
+{
+    if (report->lost_covariances)
+        printf("covariances of the joints in %lld frames, ", (long long)report->lost_covariances);
+    if (report->lost_place)
+        printf("the place with its views");
+    else
+        printf("%d views of the place", (int)report->lost_views);
+    if (report->lost_map_covariances)
+        printf(", covariances or viewing directions of its points and tags");
+    if (report->lost_things)
+        printf(", %d things in it or their pictures", report->lost_things);
+}
+
+// One JSON object: the report and the status, with the error sentence where it is not OK. ERR_MEMORY.
+static enum status print_json(const char *path, enum status status, const struct recording_report *r)
+{
+    struct json *root = json_new_object();
+    json_add_string(root, "file", path);
+    json_add_string(root, "status", status_name(status));
+    if (status != OK)
+        json_add_string(root, "reason", status_message());
+    json_add_number(root, "takes", r->takes);
+    json_add_number(root, "interrupted_takes", r->interrupted_takes);
+    json_add_number(root, "frames", (double)r->frames);
+    json_add_number(root, "damaged_frames", (double)r->damaged_frames);
+    json_add_number(root, "lost_frames", (double)r->lost_frames);
+    json_add_number(root, "lost_covariances", (double)r->lost_covariances);
+    json_add_number(root, "lost_takes", r->lost_takes);
+    json_add_number(root, "lost_views", r->lost_views);
+    json_add_bool(root, "lost_place", r->lost_place);
+    json_add_bool(root, "lost_map_covariances", r->lost_map_covariances);
+    json_add_number(root, "lost_things", r->lost_things);
+    json_add_number(root, "findings", r->findings);
+    struct json *list = json_add_array(root, "first_findings");
+    for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
+        json_push_string(list, r->finding[i]);
+    json_add_number(root, "bytes", (double)r->bytes);
+    return command_print_json(&root);
+}
+
+// ---------------------------------------------------------------- verify
+
+static enum status print_soundness(const struct file_arguments *arguments, enum status status,
+                                   const struct recording_report *report)
+{
+    char shown[TEXT_SHOWN_BYTES];
+    if (arguments->json) {
+        return print_json(arguments->path, status, report);
+    } else if (status == OK) {
+        printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", text_shown(arguments->path, shown),
+               report->takes, report->interrupted_takes, (long long)report->frames, (double)report->bytes / 1e6);
+    } else if (report->findings) {
+        printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; ",
+               text_shown(arguments->path, shown), (long long)report->lost_frames, (long long)report->damaged_frames,
+               (long long)report->frames);
+        print_rest(report);
+        putchar('\n');
+        for (int i = 1; i < report->findings && i < RECORDING_FINDINGS_MAX; i++)
+            printf("  %s\n", report->finding[i]); // the first goes to stderr
+        if (report->findings > RECORDING_FINDINGS_MAX)
+            printf("  and %d more\n", report->findings - RECORDING_FINDINGS_MAX);
+    }
+    return OK;
+}
+
+int capture_verify(int argc, char **argv)
+{
+    struct file_arguments a;
+    command_parse_file(argc, argv,
+                       "Reads every byte of a recording and says whether all of it is sound: its structure, counts, "
+                       "checksums, pictures, the order of times, ranges. The file is only read.",
+                       &a);
+    struct recording_report report;
+    enum status status = recording_verify(a.path, &report);
+    struct failure found;
+    failure_keep(&found, status);
+    const enum status printed = print_soundness(&a, status, &report);
+    status = found.status == OK ? printed : failure_restore(&found);
+    return status == OK ? 0 : command_failed(argv[0]);
+}
+
+// ---------------------------------------------------------------- repair
 
 struct repair_arguments {
     const char *file, *out;
     bool json;
 };
 
-static error_t parse_option(int key, char *value, struct argp_state *state)
+static error_t parse_repair_option(int key, char *value, struct argp_state *state)
 {
     struct repair_arguments *a = state->input;
     switch (key) {
@@ -35,7 +123,7 @@ static enum status choose_name(const char *file, char out[FILE_PATH_BYTES])
     return OK;
 }
 
-static void print_report(const char *file, const char *out, enum status status, const struct recording_report *report)
+static void print_repair(const char *file, const char *out, enum status status, const struct recording_report *report)
 {
     char shown[TEXT_SHOWN_BYTES];
     if (status == NOTHING) {
@@ -47,7 +135,7 @@ static void print_report(const char *file, const char *out, enum status status, 
            report->interrupted_takes, (long long)report->frames, (double)report->bytes / 1e6);
     printf("lost: %lld frames, images of %lld more, %d takes, ", (long long)report->lost_frames,
            (long long)report->damaged_frames, report->lost_takes);
-    recording_report_print_rest(report);
+    print_rest(report);
     printf("; %s is as it was\n", text_shown(file, shown));
     for (int i = 0; i < report->findings && i < RECORDING_FINDINGS_MAX; i++)
         printf("  found: %s\n", report->finding[i]);
@@ -61,7 +149,7 @@ int capture_repair(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {options,
-                                     parse_option,
+                                     parse_repair_option,
                                      "FILE",
                                      "Saves what can be read of a damaged recording into a new one and says what is "
                                      "lost. FILE is only read.",
@@ -83,9 +171,9 @@ int capture_repair(int argc, char **argv)
     struct failure repaired;
     failure_keep(&repaired, status);
     if (a.json)
-        status = recording_report_print_json(status == OK ? out : a.file, status < 0 ? status : OK, &report);
+        status = print_json(status == OK ? out : a.file, status < 0 ? status : OK, &report);
     else if (status >= 0)
-        print_report(a.file, out, status, &report);
+        print_repair(a.file, out, status, &report);
     if (repaired.status < 0)
         status = failure_restore(&repaired);
     return status < 0 ? command_failed(argv[0]) : 0;

@@ -1,4 +1,5 @@
-// The commands of both programs, each in the file of its name. Each parses its arguments and returns the exit code.
+// The commands of both programs, each in the file of its name (verify with repair). Each parses its arguments and
+// returns the exit code.
 #pragma once
 #include "app/commands/command.h"
 
@@ -14,11 +15,6 @@ int capture_studio(int argc, char **argv);
 int capture_take(int argc, char **argv);
 int capture_library(int argc, char **argv);
 int capture_calibrate(int argc, char **argv);
-int capture_calibrate_board(int argc, char **argv);
-int capture_calibrate_camera(int argc, char **argv);
-int capture_calibrate_stereo(int argc, char **argv);
-// Their options, for the help of calibrate as a whole.
-extern const struct argp calibrate_board_argp, calibrate_camera_argp, calibrate_stereo_argp;
 int capture_models(int argc, char **argv);
 int capture_objects(int argc, char **argv);
 

@@ -1,6 +1,6 @@
 // reenact FILE: the viewer. A take in its place, seen through a camera or from an orbit.
 #include "app/commands/commands.h"
-#include "app/viewer/settings_file.h"
+#include "app/viewer/settings.h"
 #include "app/viewer/viewer.h"
 #include "base/clamp.h"
 #include "base/clock.h"

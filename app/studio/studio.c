@@ -1,7 +1,6 @@
 #include "app/studio/studio.h"
 
-#include "app/studio/room_screen.h"
-#include "app/studio/studio_picture.h"
+#include "app/studio/studio_screen.h"
 #include "base/clock.h"
 #include "reenact/render/shaders.h"
 

@@ -3,7 +3,7 @@
 #pragma once
 #include "app/studio/studio_screen.h"
 #include "app/ui/input_map.h"
-#include "app/viewer/settings_file.h"
+#include "app/viewer/settings.h"
 #include "app/viewer/viewer.h"
 #include "platform/screen/sound.h"
 

@@ -1,20 +1,303 @@
 #include "app/studio/studio_session.h"
 
 #include "app/studio/studio_state.h"
-#include "app/studio/studio_sweep.h"
-#include "app/studio/studio_verdict.h"
-#include "app/studio/studio_wish.h"
 #include "base/clock.h"
+#include "base/status.h"
 #include "capture/coaching/raised_hand.h"
 #include "capture/follow.h"
+#include "capture/mapping/map_advice.h"
 #include "capture/recorder.h"
 #include "platform/files/file.h"
 #include "platform/sensors/source_player.h"
+#include "recording/depth_picture.h"
+#include "recording/recording.h"
 
+#include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- snapshot
+
+void studio_snapshot_free(struct studio_snapshot *snapshot)
+{
+    free(snapshot->color);
+    free(snapshot->mask);
+    free(snapshot->depth);
+    *snapshot = (struct studio_snapshot){0};
+}
+
+bool studio_snapshot_size(struct studio_snapshot *snapshot, const struct calibration *calibration)
+{
+    const size_t color = 3 * (size_t)calibration->color.width * (size_t)calibration->color.height,
+                 depth = (size_t)calibration->depth.width * (size_t)calibration->depth.height;
+    if (snapshot->color_bytes == color && snapshot->depth_pixels == depth)
+        return true;
+    free(snapshot->color);
+    free(snapshot->mask);
+    free(snapshot->depth);
+    snapshot->color = malloc(color + 1);
+    snapshot->mask = calloc(depth + 1, 1);
+    snapshot->depth = calloc(depth + 1, sizeof *snapshot->depth);
+    snapshot->color_bytes = color;
+    snapshot->depth_pixels = depth;
+    if (snapshot->color && snapshot->mask && snapshot->depth)
+        return true;
+    snapshot->color_bytes = snapshot->depth_pixels = 0;
+    return false;
+}
+
+static bool same_size(const struct lens *a, const struct lens *b)
+{
+    return a->width == b->width && a->height == b->height;
+}
+
+void studio_snapshot_calibrate(struct studio_snapshot *snapshot, const struct calibration *calibration)
+{
+    snapshot->without_color = 0;
+    snapshot->has_color = snapshot->has_color && same_size(&snapshot->calibration.color, &calibration->color);
+    snapshot->has_depth = snapshot->has_depth && same_size(&snapshot->calibration.depth, &calibration->depth);
+    snapshot->calibration = *calibration;
+}
+
+void studio_snapshot_pictures(struct studio_snapshot *snapshot, const uint8_t *color, const uint16_t *depth,
+                              const uint8_t *mask)
+{
+    if (!studio_snapshot_size(snapshot, &snapshot->calibration))
+        return;
+    snapshot->has_color = color != NULL;
+    snapshot->without_color = frames_without_color(snapshot->without_color, color);
+    snapshot->has_depth = depth != NULL;
+    if (color)
+        memcpy(snapshot->color, color, snapshot->color_bytes);
+    if (depth)
+        memcpy(snapshot->depth, depth, snapshot->depth_pixels * sizeof *snapshot->depth);
+    if (mask)
+        memcpy(snapshot->mask, mask, snapshot->depth_pixels);
+    else
+        memset(snapshot->mask, 0, snapshot->depth_pixels);
+}
+
+bool studio_snapshot_sees_color(const struct studio_snapshot *snapshot)
+{
+    return snapshot->calibration.color.width > 0 &&
+           (snapshot->without_color < DEPTH_PICTURE_AFTER || !snapshot->calibration.depth.width);
+}
+
+bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out)
+{
+    const bool fresh = from->number != out->number || from->doing != out->doing ||
+                       from->takes_ready != out->takes_ready || from->judged != out->judged ||
+                       from->room.ready != out->room.ready || from->room.not_kept != out->room.not_kept;
+    if (!fresh || !studio_snapshot_size(out, &from->calibration))
+        return false;
+    const struct studio_snapshot kept = *out;
+    *out = *from;
+    out->color = kept.color;
+    out->mask = kept.mask;
+    out->depth = kept.depth;
+    out->color_bytes = kept.color_bytes;
+    out->depth_pixels = kept.depth_pixels;
+    if (from->has_color)
+        memcpy(out->color, from->color, from->color_bytes);
+    if (from->has_depth) {
+        memcpy(out->depth, from->depth, from->depth_pixels * sizeof *out->depth);
+        memcpy(out->mask, from->mask, from->depth_pixels);
+    }
+    return true;
+}
+
+// ---------------------------------------------------------------- wishes
+
+// The name of a take for which something is wanted, handed from the window's thread to the session's.
+struct studio_wish {
+    pthread_mutex_t lock;
+    char take[256]; // "": none
+};
+
+static void open_wish(struct studio_wish *wish)
+{
+    *wish->take = 0;
+    pthread_mutex_init(&wish->lock, NULL);
+}
+
+static void close_wish(struct studio_wish *wish) { pthread_mutex_destroy(&wish->lock); }
+
+static void put_wish(struct studio_wish *wish, const char *take)
+{
+    pthread_mutex_lock(&wish->lock);
+    snprintf(wish->take, sizeof wish->take, "%s", take);
+    pthread_mutex_unlock(&wish->lock);
+}
+
+static bool wish_waits(struct studio_wish *wish)
+{
+    pthread_mutex_lock(&wish->lock);
+    const bool waits = *wish->take != 0;
+    pthread_mutex_unlock(&wish->lock);
+    return waits;
+}
+
+// And there is none any more; false: there was none.
+static bool take_wish(struct studio_wish *wish, char take[256])
+{
+    pthread_mutex_lock(&wish->lock);
+    memcpy(take, wish->take, sizeof wish->take);
+    *wish->take = 0;
+    pthread_mutex_unlock(&wish->lock);
+    return *take != 0;
+}
+
+// ---------------------------------------------------------------- the room swept
+
+// The room swept in the studio: frames into the mapper until the sweep ends, then the map. On the session's thread.
+enum studio_sweep_end { STUDIO_SWEEP_ON, STUDIO_SWEEP_END, STUDIO_SWEEP_DROP };
+
+struct studio_sweep_wish {
+    struct source *source;
+    const char *tags;          // tags.json; NULL: by landmarks and depth
+    const struct place *prior; // that the sweep adds to; NULL: a new place
+    atomic_int *end;           // enum studio_sweep_end
+    void (*show)(void *self, const struct frame *frame, const struct sweep_plan *plan);
+    void (*finishing)(void *self); // the map is computed now: some seconds
+    void *self;
+};
+
+struct studio_room {
+    struct place place;
+    struct sweep_plan plan; // of the finished place
+    struct map_advice advice;
+    bool cut; // the sensor failed; the map is of what was swept until then
+};
+
+static void free_room(struct studio_room *room)
+{
+    place_free(&room->place);
+    *room = (struct studio_room){0};
+}
+
+// The list of tags beside the file, if there is one: out gets the path. False: none.
+static bool find_tags(const char *file, char *out, size_t capacity)
+{
+    const char *slash = strrchr(file, '/');
+    const int folder = slash ? (int)(slash - file) + 1 : 0;
+    if (snprintf(out, capacity, "%.*stags.json", folder, file) >= (int)capacity)
+        return false;
+    return file_exists(out);
+}
+
+// Until the source or the sweep ends. A sensor that fails ends it, too, with what there is by then.
+static enum status feed(const struct studio_sweep_wish *wish, struct mapper *mapper, struct sweep_trouble *trouble)
+{
+    for (bool any = false;; any = true) {
+        struct frame frame;
+        if (atomic_load(wish->end) == STUDIO_SWEEP_DROP)
+            return NOTHING;
+        if (atomic_load(wish->end) == STUDIO_SWEEP_END)
+            return OK;
+        enum status status = source_next(wish->source, &frame);
+        if (status == NOTHING)
+            return OK;
+        if (status == ERR_INPUT) {
+            trouble->damaged++;
+            continue;
+        }
+        if (status == ERR_DEVICE && any) {
+            snprintf(trouble->cut, sizeof trouble->cut, "%s", status_message());
+            return OK;
+        }
+        if (status == OK)
+            status = mapper_add(mapper, &frame);
+        if (status != OK)
+            return status;
+        wish->show(wish->self, &frame, mapper_plan(mapper));
+    }
+}
+
+// OK: *out is filled, the caller frees it. NOTHING: the sweep was dropped. ERR_INPUT: no map can be made, with the
+// reason. ERR_DEVICE: the sensor failed before enough for a map was swept. Else as mapper_finish. *out is zeroed unless
+// OK.
+static enum status sweep_room(const struct studio_sweep_wish *wish, struct studio_room *out)
+{
+    struct mapper *mapper = NULL;
+    struct mapper_tag *tags = NULL;
+    struct mapper_report report;
+    int32_t count = 0;
+    struct sweep_trouble trouble = {0};
+    struct mapper_options options = mapper_default_options();
+    options.prior = wish->prior;
+    options.plan = true;
+    *out = (struct studio_room){0};
+    enum status status = wish->tags ? mapper_read_tags(wish->tags, &tags, &count) : OK;
+    if (status == OK)
+        status = mapper_open(&mapper, source_calibration(wish->source), tags, count, &options);
+    if (status == OK)
+        status = feed(wish, mapper, &trouble);
+    if (status == OK) {
+        wish->finishing(wish->self);
+        status = mapper_finish(mapper, &out->place, &report);
+        if (status == ERR_INPUT && *trouble.cut) // too little of the room: then the sensor is what to mend
+            status = fail(ERR_DEVICE, "%s", trouble.cut);
+    }
+    if (status == OK) {
+        out->cut = *trouble.cut;
+        map_advise(&out->place, &report, &trouble, &out->advice);
+        sweep_plan_of_place(&out->place, &out->plan);
+        for (int32_t i = 0; i < count; i++) // those that are not in the place, too
+            sweep_plan_set_tag(&out->plan, tags[i].id, false, NULL, 0);
+    }
+    mapper_close(&mapper);
+    free(tags);
+    return status;
+}
+
+// Into the file, which is made where it does not exist; its takes stay.
+static enum status write_room(const struct studio_room *room, const char *file)
+{
+    struct recording_writer *writer = NULL;
+    const bool existed = file_exists(file);
+    enum status status = existed ? recording_append(&writer, file) : recording_create(&writer, file);
+    if (status != OK)
+        return status;
+    status = recording_put_place(writer, &room->place);
+    struct failure first;
+    failure_keep(&first, status);
+    enum status closed = recording_close(&writer);
+    if ((status != OK || closed != OK) && !existed)
+        recording_discard(file);
+    return status != OK ? failure_restore(&first) : closed;
+}
+
+// The place in the file; nothing where there is no file. ERR_CORRUPT, ERR_IO, ERR_MEMORY, ERR_FORMAT.
+static enum status read_place_of(const char *file, struct place *out, bool *has_place)
+{
+    struct recording *recording = NULL;
+    if (!file_exists(file))
+        return OK;
+    enum status status = recording_open(&recording, file);
+    if (status == OK)
+        status = recording_read_place(recording, out);
+    recording_free(&recording);
+    *has_place = status == OK && out->tag_count + out->point_count > 0;
+    return status == NOTHING ? OK : status;
+}
+
+// ---------------------------------------------------------------- a take's verdict
+
+// After the take was recorded, which ended with `recorded`: judges and keeps. Returns what went wrong first; the take
+// stays what it is where it cannot be judged.
+static enum status judge_take(const char *file, const char *take, const struct coach *watched, enum status recorded,
+                              struct take_judgement *out)
+{
+    const struct take_filming filming = {watched->purpose, watched};
+    struct failure first;
+    failure_keep(&first, recorded);
+    const enum status status = take_verdict_keep(file, take, &filming, out);
+    return first.status != OK ? failure_restore(&first) : status;
+}
+
+// ---------------------------------------------------------------- session
 
 enum room_decision { ROOM_UNDECIDED, ROOM_KEEP, ROOM_DROP };
 
@@ -266,9 +549,8 @@ static enum status preview_frame(struct studio_session *session, const struct fr
 
 static bool something_is_wanted(struct studio_session *session)
 {
-    return studio_wish_waits(&session->wanted) || studio_wish_waits(&session->wanted_judged) ||
-           atomic_load(&session->wants_sweep) || atomic_load(&session->room_decision) != ROOM_UNDECIDED ||
-           source_player_must_stop(&session->player);
+    return wish_waits(&session->wanted) || wish_waits(&session->wanted_judged) || atomic_load(&session->wants_sweep) ||
+           atomic_load(&session->room_decision) != ROOM_UNDECIDED || source_player_must_stop(&session->player);
 }
 
 // Until a take or a sweep is wanted. NOTHING: the film ended. A film is shown as fast as it was made.
@@ -346,7 +628,7 @@ static enum status run_take(struct studio_session *session)
     enum status status = source_is_live(session->player.source) ? OK : rewind_source(session);
     if (status != OK)
         return status;
-    if (!studio_wish_take(&session->wanted, name))
+    if (!take_wish(&session->wanted, name))
         return OK;
     the_session = session;
     session->taking = true;
@@ -362,7 +644,7 @@ static enum status run_take(struct studio_session *session)
     struct take_judgement judgement = {.frames = result.frames};
     set_doing(session, STUDIO_DOING_SMOOTH, NULL);
     if (result.frames)
-        status = studio_judge(session->file, name, &session->coach, status, &judgement);
+        status = judge_take(session->file, name, &session->coach, status, &judgement);
     pthread_mutex_lock(&session->player.worker.lock);
     session->shown.judgement = judgement;
     session->shown.takes_ready++;
@@ -397,7 +679,7 @@ static bool room_waits(const struct studio_session *session)
 // A room that cannot be kept now, as on a full disk, waits for another try.
 static bool keep_room(struct studio_session *session)
 {
-    if (studio_room_keep(&session->room, session->file) == OK)
+    if (write_room(&session->room, session->file) == OK)
         return true;
     pthread_mutex_lock(&session->player.worker.lock);
     session->shown.room.not_kept++;
@@ -416,12 +698,12 @@ static enum status decide_room(struct studio_session *session)
     const bool keeps = decision == ROOM_KEEP && room_waits(session);
     if (decision == ROOM_UNDECIDED || (keeps && !keep_room(session)))
         return OK;
-    studio_room_free(&session->room);
+    free_room(&session->room);
     if (!keeps)
         return OK;
     follower_close(&session->follower); // it has the place
     place_free(&session->place);
-    enum status status = studio_read_place(session->file, &session->place, &session->has_place);
+    enum status status = read_place_of(session->file, &session->place, &session->has_place);
     return status == OK ? open_follower(session) : status;
 }
 
@@ -446,7 +728,7 @@ static enum status run_sweep(struct studio_session *session)
     char found[1024];
     const char *tags = session->tags;
     if (!*tags)
-        tags = studio_find_tags(session->file, found, sizeof found) ? found : NULL;
+        tags = find_tags(session->file, found, sizeof found) ? found : NULL;
     const struct studio_sweep_wish wish = {.source = session->player.source,
                                            .tags = tags,
                                            .prior = session->has_place ? &session->place : NULL,
@@ -454,9 +736,9 @@ static enum status run_sweep(struct studio_session *session)
                                            .show = show_sweep,
                                            .finishing = show_finishing,
                                            .self = session};
-    studio_room_free(&session->room);
+    free_room(&session->room);
     set_doing(session, STUDIO_DOING_SWEEP, NULL);
-    status = studio_sweep_run(&wish, &session->room);
+    status = sweep_room(&wish, &session->room);
     if (status == ERR_DEVICE || status == ERR_MEMORY)
         return status;
     pthread_mutex_lock(&session->player.worker.lock);
@@ -479,8 +761,7 @@ static void judge_anew(struct studio_session *session)
 {
     char name[256];
     struct take_judgement judgement;
-    if (!studio_wish_take(&session->wanted_judged, name) ||
-        take_verdict_keep(session->file, name, NULL, &judgement) != OK)
+    if (!take_wish(&session->wanted_judged, name) || take_verdict_keep(session->file, name, NULL, &judgement) != OK)
         return;
     pthread_mutex_lock(&session->player.worker.lock);
     session->shown.judgement = judgement;
@@ -502,7 +783,7 @@ static enum status serve(struct studio_session *session)
 static void *run(void *context)
 {
     struct studio_session *s = context;
-    enum status status = studio_read_place(s->file, &s->place, &s->has_place);
+    enum status status = read_place_of(s->file, &s->place, &s->has_place);
     if (status == OK)
         status = open_sensor(s);
     while (status == OK && !source_player_must_stop(&s->player)) {
@@ -518,7 +799,7 @@ static void *run(void *context)
     if (status < 0)
         set_doing(s, STUDIO_DOING_FAILED, status_message());
     close_sensor(s);
-    if (atomic_load(&s->room_decision) == ROOM_KEEP && room_waits(s) && studio_room_keep(&s->room, s->file) != OK)
+    if (atomic_load(&s->room_decision) == ROOM_KEEP && room_waits(s) && write_room(&s->room, s->file) != OK)
         fprintf(stderr, "reenact-capture studio: the room is not kept: %s\n", status_message());
     return NULL;
 }
@@ -535,8 +816,8 @@ enum status studio_session_open(struct studio_session **out, const struct studio
     snprintf(s->file, sizeof s->file, "%s", options->file);
     snprintf(s->tags, sizeof s->tags, "%s", options->tags ? options->tags : "");
     atomic_init(&s->purpose, options->purpose);
-    studio_wish_open(&s->wanted);
-    studio_wish_open(&s->wanted_judged);
+    open_wish(&s->wanted);
+    open_wish(&s->wanted_judged);
     enum status status = source_player_open(&s->player, options->sensor, SOURCE_SENSOR);
     if (status == OK)
         status = worker_thread_start(&s->player.worker, run, s, "for the sensor");
@@ -551,13 +832,10 @@ void studio_session_begin(struct studio_session *session, const char *take)
 {
     atomic_store(&session->end_take, false);
     atomic_store(&session->paused, false);
-    studio_wish_put(&session->wanted, take);
+    put_wish(&session->wanted, take);
 }
 
-void studio_session_judge(struct studio_session *session, const char *take)
-{
-    studio_wish_put(&session->wanted_judged, take);
-}
+void studio_session_judge(struct studio_session *session, const char *take) { put_wish(&session->wanted_judged, take); }
 
 void studio_session_choose(struct studio_session *session, enum verdict_purpose to)
 {
@@ -591,11 +869,11 @@ void studio_session_close(struct studio_session **out)
         return;
     atomic_store(&s->end_sweep, STUDIO_SWEEP_DROP);
     source_player_close(&s->player);
-    studio_wish_close(&s->wanted);
-    studio_wish_close(&s->wanted_judged);
+    close_wish(&s->wanted);
+    close_wish(&s->wanted_judged);
     studio_snapshot_free(&s->shown);
     place_free(&s->place);
-    studio_room_free(&s->room);
+    free_room(&s->room);
     studio_rate_close(&s->rate);
     free(s->mask);
     free(s);

@@ -3,7 +3,7 @@
 #include "app/ui/input_map.h"
 #include "app/ui/screen_live.h"
 #include "app/ui/view_compositor.h"
-#include "app/viewer/settings_file.h"
+#include "app/viewer/settings.h"
 #include "app/viewer/take_judge.h"
 #include "app/viewer/viewer_inside.h"
 #include "app/viewer/viewer_parts.h"

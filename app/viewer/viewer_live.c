@@ -1,8 +1,7 @@
 // The viewer's part for doing the move beside the actor.
 #include "app/live/live_attempt.h"
-#include "app/live/live_occlusion.h"
+#include "app/live/live_picture.h"
 #include "app/live/live_sensor.h"
-#include "app/live/pose_figure.h"
 #include "app/ui/screen_live.h"
 #include "app/viewer/viewer_inside.h"
 #include "app/viewer/viewer_parts.h"

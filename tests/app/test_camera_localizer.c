@@ -2,7 +2,7 @@
 // pose, and in the end the camera is tracked again.
 #include "tests/support/test.h"
 
-#include "app/camera/camera_localizer.h"
+#include "app/camera/camera_feed.h"
 #include "base/clock.h"
 #include "tests/support/film.h"
 

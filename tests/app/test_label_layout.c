@@ -2,7 +2,7 @@
 #include "tests/support/test.h"
 
 #include "app/state/view_state.h"
-#include "app/ui/thing_labels.h"
+#include "app/ui/room_page.h"
 #include "tests/support/random.h"
 
 #include <math.h>

@@ -1,9 +1,8 @@
 // The live tracker: what it says of a person who comes, leaves and is joined by another; the judge's window.
 #include "tests/support/test.h"
 
-#include "app/live/live_occlusion.h"
+#include "app/live/live_picture.h"
 #include "app/live/live_tracker.h"
-#include "app/live/pose_figure.h"
 #include "tests/support/exercise.h"
 #include "tests/support/film.h"
 #include "tests/world/world.h"

@@ -2,7 +2,7 @@
 // whole or not there.
 #include "tests/support/test.h"
 
-#include "app/viewer/settings_file.h"
+#include "app/viewer/settings.h"
 #include "tests/support/scratch.h"
 
 #include <stdio.h>

@@ -6,7 +6,7 @@
 #include "tests/support/test.h"
 
 #include "app/studio/studio.h"
-#include "app/studio/studio_picture.h"
+#include "app/studio/studio_screen.h"
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
