@@ -36,7 +36,9 @@ static enum status read_actor(struct drive_place *place, struct recording *recor
     return OK;
 }
 
-enum status drive_place_open(struct drive_place *p, struct gpu *gpu, const char *file, const struct place *place)
+// Borrows the place, which is the recording's. As recording_open and take_open; ERR_MEMORY, ERR_DEVICE. On error
+// drive_place_close is needed, too.
+static enum status drive_place_open(struct drive_place *p, struct gpu *gpu, const char *file, const struct place *place)
 {
     const char *slash = strrchr(file, '/');
     struct recording *recording;
@@ -54,7 +56,8 @@ enum status drive_place_open(struct drive_place *p, struct gpu *gpu, const char 
     return status == OK ? robot_place_finder_start(&p->finder, place) : status;
 }
 
-void drive_place_close(struct drive_place *place)
+// Before the surroundings that it was updated with are closed. Zeroed is fine.
+static void drive_place_close(struct drive_place *place)
 {
     robot_place_finder_close(&place->finder);
     gpu_target_close(&place->bodies);
@@ -109,7 +112,8 @@ static enum status draw_bodies(struct drive_place *place, const struct brush *br
     return OK;
 }
 
-enum status drive_place_draw(struct drive_place *p, const struct brush *b, const struct figure_view *view)
+// view: of the image that is drawn already, in the robot's world; nothing is drawn beside it. ERR_DEVICE, ERR_MEMORY.
+static enum status drive_place_draw(struct drive_place *p, const struct brush *b, const struct figure_view *view)
 {
     const struct ui_box box = figure_image_box(view);
     if (p->answer.state != ROBOT_PLACE_FOUND) {

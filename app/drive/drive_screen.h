@@ -33,18 +33,8 @@ struct drive_place {
     struct room_ui ui;
 };
 
-// Borrows the place, which is the recording's. As recording_open and take_open; ERR_MEMORY, ERR_DEVICE. On error
-// drive_place_close is needed, too.
-MUST_CHECK enum status drive_place_open(struct drive_place *p, struct gpu *gpu, const char *file,
-                                        const struct place *place);
-// Before the surroundings that it was updated with are closed. Zeroed is fine.
-void drive_place_close(struct drive_place *place);
-
 // Looks for the robot in its captures, on another thread, and fetches what was found.
 void drive_place_update(struct drive_place *place, const struct surroundings *seen);
-
-// view: of the image that is drawn already, in the robot's world; nothing is drawn beside it. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status drive_place_draw(struct drive_place *p, const struct brush *b, const struct figure_view *view);
 
 // ---------------------------------------------------------------- the screen
 

@@ -101,12 +101,7 @@ static void change_tempo(struct live_state *state, int by)
     for (int i = 1; i < LIVE_TEMPOS; i++)
         if (fabs(live_tempos[i] - state->tempo) < fabs(live_tempos[nearest] - state->tempo))
             nearest = i;
-    live_state_set_tempo(state, live_tempos[clamp_int(nearest + by, 0, LIVE_TEMPOS - 1)]);
-}
-
-void live_state_set_tempo(struct live_state *state, double tempo)
-{
-    state->tempo = fmin(fmax(tempo, live_tempos[0]), live_tempos[LIVE_TEMPOS - 1]);
+    state->tempo = live_tempos[clamp_int(nearest + by, 0, LIVE_TEMPOS - 1)];
 }
 
 static void set_part_mark(struct live_state *state, bool from)

@@ -114,7 +114,6 @@ void live_state_open_take(struct live_state *state, int64_t length_ns, const str
 
 void live_state_do(struct live_state *state, enum live_action action, int64_t now_ns);
 void live_state_to_ready(struct live_state *state, int64_t now_ns); // leaves the attempt or the summary
-void live_state_set_tempo(struct live_state *state, double tempo);
 void live_state_on_sight(struct live_state *state, const struct live_sight *sight, int64_t now_ns);
 // The attempt that was finished has been judged. length_ns: of what was collected.
 void live_state_on_result(struct live_state *state, const struct live_result *result, int64_t length_ns,

@@ -28,7 +28,8 @@ void studio_snapshot_free(struct studio_snapshot *snapshot)
     *snapshot = (struct studio_snapshot){0};
 }
 
-bool studio_snapshot_size(struct studio_snapshot *snapshot, const struct calibration *calibration)
+// Buffers for pictures of these lenses. False: no memory, there are none.
+static bool studio_snapshot_size(struct studio_snapshot *snapshot, const struct calibration *calibration)
 {
     const size_t color = 3 * (size_t)calibration->color.width * (size_t)calibration->color.height,
                  depth = (size_t)calibration->depth.width * (size_t)calibration->depth.height;

@@ -73,9 +73,6 @@ struct studio_snapshot {
     char failure[512]; // of the sensor, or of the last take; "": none
 };
 
-// Buffers for pictures of these lenses. False: no memory, there are none.
-bool studio_snapshot_size(struct studio_snapshot *snapshot, const struct calibration *calibration);
-
 // The pictures of another lens's size are there no longer.
 void studio_snapshot_calibrate(struct studio_snapshot *snapshot, const struct calibration *calibration);
 

@@ -9,11 +9,12 @@ static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, WIDE_SHEET_W = 4
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
-double sheet_buttons_height(int rows) { return TEXT_SIZE_NAME + rows * (TARGET + GAP); }
+// Of buttons under a name, in a sheet.
+static double sheet_buttons_height(int rows) { return TEXT_SIZE_NAME + rows * (TARGET + GAP); }
 
 double sheet_rows_height(int rows) { return rows * SHEET_ROW + sheet_buttons_height(1); }
 
-double sheet_height_of(int rows) { return SHEET_TITLE + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
+static double sheet_height_of(int rows) { return SHEET_TITLE + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
 
 static double sheet_height(const struct view_state *state, double width)
 {

@@ -30,8 +30,6 @@ struct layout layout_of(double width, double height, const struct view_state *st
 
 // Height of that many rows and the text size; of a sheet with them.
 double sheet_rows_height(int rows);
-double sheet_height_of(int rows);
-double sheet_buttons_height(int rows); // of buttons under a name, in a sheet
 
 // Where the live page's sheet is, and where "From here" and "To here" are: with the other buttons, in a row of their
 // own on an upright screen, else in the sheet.

@@ -29,7 +29,9 @@ static void draw_bars(const struct brush *brush, const struct frame_times *times
     ui_line(brush->ui, (struct ui_point){box.x, line}, (struct ui_point){box.x + box.w, line}, 1, brush->theme->quiet);
 }
 
-void frame_graph_draw(const struct brush *brush, const struct frame_times *times, double budget_ms, struct ui_box box)
+// A graph of the last frames' times by stage.
+static void frame_graph_draw(const struct brush *brush, const struct frame_times *times, double budget_ms,
+                             struct ui_box box)
 {
     const struct theme *t = brush->theme;
     char text[64];

@@ -65,9 +65,6 @@ double screen_summary_bottom(double width, double height); // of all but the sum
 void screen_message(const struct brush *brush, const struct view_state *state);
 struct ui_box screen_message_box(const struct brush *brush, const struct view_state *state); // width 0: nothing is said
 
-// A graph of the last frames' times by stage.
-void frame_graph_draw(const struct brush *brush, const struct frame_times *times, double budget_ms, struct ui_box box);
-
 // The open sheet with settings.
 void panels_draw(const struct brush *brush, struct screens *screens, struct view_state *state, struct ui_box box,
                  int64_t now_ns);

@@ -9,6 +9,8 @@
 
 // ---------------------------------------------------------------- settings
 
+enum { SETTINGS_BYTES = 512 };
+
 struct settings settings_of(const struct view_state *state)
 {
     return (struct settings){state->dark,       state->skeleton,      state->inset,     state->room.filmed,
@@ -34,7 +36,8 @@ void settings_apply(const struct settings *settings, struct view_state *state, i
     state->changed = true;
 }
 
-int settings_write(const struct settings *settings, char out[SETTINGS_BYTES])
+// The text of the file; returns its length.
+static int settings_write(const struct settings *settings, char out[SETTINGS_BYTES])
 {
     return snprintf(out, SETTINGS_BYTES,
                     "dark %d\nskeleton %d\ninset %d\nfilmed %d\nnames %d\nloop %d\ntext %.2f\nspeed %.2f\n",

@@ -150,7 +150,7 @@ static int find_layer(const struct frame_layer_cache *cache, int64_t frame)
     return i;
 }
 
-bool frame_layer_cache_has(const struct frame_layer_cache *cache, int64_t frame)
+static bool frame_layer_cache_has(const struct frame_layer_cache *cache, int64_t frame)
 {
     return find_layer(cache, frame) < cache->count;
 }

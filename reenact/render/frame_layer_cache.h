@@ -29,8 +29,6 @@ MUST_CHECK enum status frame_layer_cache_get(struct frame_layer_cache *f, const 
 // ERR_MEMORY.
 MUST_CHECK enum status frame_layer_cache_add(struct frame_layer_cache *f, struct frame_layer *loaded);
 
-bool frame_layer_cache_has(const struct frame_layer_cache *cache, int64_t frame);
-
 // The resident frame nearest in time to `frame`, at most within_ns away; ties: the lowest; -1: none.
 int64_t frame_layer_cache_nearest(const struct frame_layer_cache *cache, int64_t frame, int64_t within_ns);
 
