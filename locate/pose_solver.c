@@ -1,5 +1,6 @@
 #include "locate/pose_solver.h"
 
+#include "base/least_squares.h"
 #include "base/linear_algebra.h"
 
 #include <string.h>
@@ -7,18 +8,13 @@
 // ---------------------------------------------------------------- pose residuals, types
 
 // Residuals of the pose solver: what one tag, one depth sample or one landmark adds to the normal equations
-// JᵀJ d = -Jᵀr of a small motion of the camera. Axes, order of the numbers, kernel and costs: locate/pose_solver.h.
+// of a small motion of the camera (base/least_squares.h). Axes, order of the numbers, kernel and costs:
+// locate/pose_solver.h.
 
 // What is estimated: the motion of the camera, and with a rolling shutter its velocity.
 enum { POSE_DOF = 6, POSE_VELOCITY_DOF = 12 };
 
 #define CAUCHY_SCALE 3.0 // c of the Cauchy kernel, standard deviations
-
-// Normal equations; of `a` the lower triangle is filled.
-struct pnp_equations {
-    int size; // POSE_DOF or POSE_VELOCITY_DOF
-    double a[POSE_VELOCITY_DOF * POSE_VELOCITY_DOF], g[POSE_VELOCITY_DOF], cost;
-};
 
 // How the camera projects: pixels per unit of x / z and y / z, and how it moves while it reads its rows.
 struct pnp_projection {
@@ -35,16 +31,6 @@ struct corner_information {
 
 // Robust costs of what lies behind the camera; chosen by hand, above what any visible outlier costs.
 static const double BEHIND_TAG_COST = 1e6, BEHIND_POINT_COST = 100;
-
-// Adds a whitened residual e with derivative `by`; weight: the slope of the kernel.
-static void add_residual(struct pnp_equations *equations, double e, const double by[POSE_VELOCITY_DOF], double weight)
-{
-    for (int i = 0; i < equations->size; i++) {
-        equations->g[i] -= weight * by[i] * e;
-        for (int j = 0; j <= i; j++)
-            equations->a[i * equations->size + j] += weight * by[i] * by[j];
-    }
-}
 
 // The derivative by the velocity: what was seen at time_s was seen from where the camera was then.
 static void fill_velocity_jacobian(double by[POSE_VELOCITY_DOF], double time_s)
@@ -82,7 +68,8 @@ static bool corner_errors(const struct pnp_tag *tag, const struct pnp_projection
 
 // Depth samples inside one tag against the tag's plane. The row timing of the depth sensor, another camera, is not
 // known, so its derivative by the velocity is 0.
-static double add_depth(struct pnp_equations *equations, const struct pnp_tag *tag, const struct pose *camera_from_tag)
+static double add_depth(struct least_squares_sums *equations, const struct pnp_tag *tag,
+                        const struct pose *camera_from_tag)
 {
     double cost = 0;
     struct vec3 normal = quat_rotate(camera_from_tag->rotation, v3(0, 0, 1));
@@ -98,7 +85,7 @@ static double add_depth(struct pnp_equations *equations, const struct pnp_tag *t
         double by[POSE_VELOCITY_DOF] = {rotation.x / sigma,    rotation.y / sigma,    rotation.z / sigma,
                                         translation.x / sigma, translation.y / sigma, translation.z / sigma};
         double ratio = 1 + e * e / (CAUCHY_SCALE * CAUCHY_SCALE);
-        add_residual(equations, e, by, tag->depth->share / ratio);
+        least_squares_add(equations, e, by, tag->depth->share / ratio);
         cost += tag->depth->share * CAUCHY_SCALE * CAUCHY_SCALE * log(ratio);
     }
     return cost;
@@ -158,7 +145,7 @@ static void pnp_corner_information(const struct pnp_tag *tag, double extra_px, c
 }
 
 // Each adds one tag or point to *equations and returns its robust cost. What is not visible adds a large constant cost.
-static double pnp_add_tag(struct pnp_equations *equations, const struct pnp_tag *tag,
+static double pnp_add_tag(struct least_squares_sums *equations, const struct pnp_tag *tag,
                           const struct corner_information *information, const struct pnp_projection *projection,
                           const struct pose *camera_from_world, bool with_depth)
 {
@@ -173,7 +160,7 @@ static double pnp_add_tag(struct pnp_equations *equations, const struct pnp_tag 
         chi2 += weighted[i] * e[i];
     }
     double bound = 8 * CAUCHY_SCALE * CAUCHY_SCALE, slope = 1 / (1 + chi2 / bound);
-    for (int a = 0; a < equations->size; a++) {
+    for (int a = 0; a < equations->n; a++) {
         double half[8]; // information * column a
         for (int i = 0; i < 8; i++) {
             half[i] = 0;
@@ -183,13 +170,13 @@ static double pnp_add_tag(struct pnp_equations *equations, const struct pnp_tag 
         }
         for (int b = 0; b <= a; b++)
             for (int i = 0; i < 8; i++)
-                equations->a[a * equations->size + b] += slope * half[i] * by[i][b];
+                equations->a[a * equations->n + b] += slope * half[i] * by[i][b];
     }
     double cost = bound * log(1 + chi2 / bound);
     return tag->depth && with_depth ? cost + add_depth(equations, tag, &camera_from_tag) : cost;
 }
 
-static double pnp_add_point(struct pnp_equations *equations, const struct pnp_point *point, double extra_px,
+static double pnp_add_point(struct least_squares_sums *equations, const struct pnp_point *point, double extra_px,
                             const struct pnp_projection *projection, const struct pose *camera_from_world)
 {
     const double fx = projection->fx, fy = projection->fy;
@@ -220,11 +207,11 @@ static double pnp_add_point(struct pnp_equations *equations, const struct pnp_po
         chi2 += ez * ez;
     }
     double slope = 1 / (1 + chi2 / bound);
-    add_residual(equations, ex, row0, slope);
-    add_residual(equations, ey, row1, slope);
+    least_squares_add(equations, ex, row0, slope);
+    least_squares_add(equations, ey, row1, slope);
     if (point->z > 0) {
         const double row2[POSE_VELOCITY_DOF] = {p.y * depth, -p.x * depth, 0, 0, 0, depth};
-        add_residual(equations, ez, row2, slope);
+        least_squares_add(equations, ez, row2, slope);
     }
     return bound * log(1 + chi2 / bound);
 }
@@ -232,7 +219,8 @@ static double pnp_add_point(struct pnp_equations *equations, const struct pnp_po
 double pnp_tag_cost(const struct pnp_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
                     double fy)
 {
-    struct pnp_equations n = {.size = POSE_DOF};
+    double storage[POSE_DOF * POSE_DOF + POSE_DOF];
+    struct least_squares_sums n = least_squares_zero(POSE_DOF, storage);
     const struct pnp_projection projection = {.fx = fx, .fy = fy};
     struct corner_information information;
     pnp_corner_information(tag, extra_px, camera_from_world, &projection, &information);
@@ -275,14 +263,14 @@ struct linear_system {
 };
 
 // The prior of the velocity.
-static void add_velocity_prior(struct pnp_equations *equations, const struct shutter_motion *motion)
+static void add_velocity_prior(struct least_squares_sums *equations, const struct shutter_motion *motion)
 {
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) {
             double off_i = motion->velocity[i] - motion->expected[i], off_j = motion->velocity[j] - motion->expected[j];
             equations->cost += off_i * motion->information[i * 6 + j] * off_j;
             equations->g[POSE_DOF + i] -= motion->information[i * 6 + j] * off_j;
-            equations->a[(POSE_DOF + i) * equations->size + POSE_DOF + j] += motion->information[i * 6 + j];
+            equations->a[(POSE_DOF + i) * equations->n + POSE_DOF + j] += motion->information[i * 6 + j];
         }
 }
 
@@ -297,15 +285,14 @@ static void init_system(const struct pose_problem *problem, const struct pose *c
                                &all->information[i]);
 }
 
+// equations: 0 before, of unknown_count().
 static void build_normal_equations(const struct linear_system *all, const struct pose *camera_from_world,
-                                   struct pnp_equations *equations)
+                                   struct least_squares_sums *equations)
 {
     const struct pose_problem *problem = all->problem;
     const struct shutter_motion *motion = all->projection.motion;
     // Beside corners of little weight, depth would bend the pose at will.
     const bool with_depth = problem->tag_px == 0;
-    memset(equations, 0, sizeof *equations);
-    equations->size = motion ? POSE_VELOCITY_DOF : POSE_DOF;
     if (motion)
         add_velocity_prior(equations, motion);
     for (int i = 0; i < problem->tag_count; i++)
@@ -317,76 +304,82 @@ static void build_normal_equations(const struct linear_system *all, const struct
             pnp_add_point(equations, &problem->points[i], problem->point_px, &all->projection, camera_from_world);
 }
 
-static void apply_step(struct pose *pose, struct shutter_motion *motion, const double d[POSE_VELOCITY_DOF])
+static int unknown_count(const struct pose_problem *problem) { return problem->motion ? POSE_VELOCITY_DOF : POSE_DOF; }
+
+// Two states, as base/least_squares.h names them; motion: with a rolling shutter.
+struct pose_fit {
+    struct linear_system all;
+    struct pose pose[2];
+    struct shutter_motion motion[2];
+};
+
+static bool move_pose(void *user, const double *d)
 {
-    for (int i = 0; i < 6 && motion; i++)
-        motion->velocity[i] += d[POSE_DOF + i];
-    struct pose small = {quat_from_rotation_vector(v3(d[0], d[1], d[2])), {d[3], d[4], d[5]}};
-    *pose = pose_multiply(small, *pose);
+    struct pose_fit *fit = user;
+    const struct pose small = {quat_from_rotation_vector(v3(d[0], d[1], d[2])), {d[3], d[4], d[5]}};
+    fit->pose[STATE_TRIED] = pose_multiply(small, fit->pose[STATE_KEPT]);
+    if (fit->all.problem->motion) {
+        fit->motion[STATE_TRIED] = fit->motion[STATE_KEPT];
+        for (int i = 0; i < 6; i++)
+            fit->motion[STATE_TRIED].velocity[i] += d[POSE_DOF + i];
+    }
+    return pose_finite(fit->pose[STATE_TRIED]);
+}
+
+static bool sum_residuals(void *user, enum least_squares_state state, struct least_squares_sums *equations)
+{
+    struct pose_fit *fit = user;
+    fit->all.projection.motion = fit->all.problem->motion ? &fit->motion[state] : NULL;
+    build_normal_equations(&fit->all, &fit->pose[state], equations);
+    return true;
+}
+
+static void keep_pose(void *user)
+{
+    struct pose_fit *fit = user;
+    fit->pose[STATE_KEPT] = fit->pose[STATE_TRIED];
+    fit->motion[STATE_KEPT] = fit->motion[STATE_TRIED];
 }
 
 double pnp_refine(const struct pose_problem *problem, struct pose *pose)
 {
-    struct shutter_motion next_motion, *motion = problem->motion;
-    struct linear_system all;
-    struct pnp_equations n, after;
-    double damping = 1e-6;
-    init_system(problem, pose, &all);
-    build_normal_equations(&all, pose, &n);
-    for (int round = 0; round < 20; round++) {
-        double a[POSE_VELOCITY_DOF * POSE_VELOCITY_DOF], d[POSE_VELOCITY_DOF];
-        memcpy(a, n.a, sizeof a);
-        memcpy(d, n.g, sizeof d);
-        for (int i = 0; i < n.size; i++)
-            a[i * n.size + i] *= 1 + damping;
-        if (!cholesky_factor(a, n.size))
-            break;
-        cholesky_solve(a, n.size, d);
-        struct pose next = *pose;
-        if (motion) {
-            next_motion = *motion;
-            all.projection.motion = &next_motion;
-        }
-        apply_step(&next, motion ? &next_motion : NULL, d);
-        if (!pose_finite(next))
-            break;
-        build_normal_equations(&all, &next, &after);
-        if (!(after.cost < n.cost)) {
-            damping = fmax(damping * 10, 1e-4);
-            if (damping > 1e4)
-                break;
-            continue;
-        }
-        bool converged = n.cost - after.cost < 1e-7 * (1 + n.cost);
-        *pose = next;
-        if (motion)
-            *motion = next_motion;
-        n = after;
-        damping *= 0.1;
-        if (converged)
-            break;
-    }
-    return n.cost;
+    // Starts are within a few degrees, so nearly undamped; a cost of 1 is one standard deviation of one number.
+    static const struct least_squares_options options = {20, 1e-6, 1e-7, 1};
+    struct pose_fit fit = {.pose = {*pose}};
+    const struct least_squares_problem least_squares = {unknown_count(problem), &fit,      move_pose,
+                                                        sum_residuals,          keep_pose, NULL};
+    double work[LEAST_SQUARES_WORK(POSE_VELOCITY_DOF)];
+    struct least_squares_sums sums;
+    init_system(problem, pose, &fit.all);
+    if (problem->motion)
+        fit.motion[STATE_KEPT] = *problem->motion;
+    (void)least_squares_solve(&least_squares, &options, work, &sums);
+    *pose = fit.pose[STATE_KEPT];
+    if (problem->motion)
+        *problem->motion = fit.motion[STATE_KEPT];
+    return sums.cost;
 }
 
+enum { EQUATIONS = POSE_VELOCITY_DOF * POSE_VELOCITY_DOF + POSE_VELOCITY_DOF };
+
 // The normal equations at the solution, both triangles.
-static void final_normal_equations(const struct pose_problem *problem, const struct pose *camera_from_world,
-                                   struct pnp_equations *equations)
+static struct least_squares_sums final_normal_equations(const struct pose_problem *problem,
+                                                        const struct pose *camera_from_world, double storage[EQUATIONS])
 {
     struct pose_problem exact = *problem;
     struct linear_system all;
+    struct least_squares_sums equations = least_squares_zero(unknown_count(problem), storage);
     exact.tag_px = exact.point_px = 0;
     init_system(&exact, camera_from_world, &all);
-    build_normal_equations(&all, camera_from_world, equations);
-    for (int i = 0; i < equations->size; i++)
-        for (int j = 0; j < i; j++)
-            equations->a[j * equations->size + i] = equations->a[i * equations->size + j];
+    build_normal_equations(&all, camera_from_world, &equations);
+    least_squares_mirror(&equations);
+    return equations;
 }
 
 // Of the pose, the velocity marginalised: its prior always leaves it finite.
-static void pose_information(const struct pnp_equations *equations, double out[36])
+static void pose_information(const struct least_squares_sums *equations, double out[36])
 {
-    if (equations->size == POSE_DOF)
+    if (equations->n == POSE_DOF)
         memcpy(out, equations->a, 36 * sizeof *out);
     else if (!marginal_information(equations->a, 6, false, out))
         memset(out, 0, 36 * sizeof *out);
@@ -394,10 +387,9 @@ static void pose_information(const struct pnp_equations *equations, double out[3
 
 void pnp_update_velocity_prior(const struct pose_problem *problem, const struct pose *camera_from_world)
 {
-    struct pnp_equations n;
     struct shutter_motion *motion = problem->motion;
-    double information[36];
-    final_normal_equations(problem, camera_from_world, &n);
+    double information[36], storage[EQUATIONS];
+    const struct least_squares_sums n = final_normal_equations(problem, camera_from_world, storage);
     if (!marginal_information(n.a, 6, true, information))
         return;
     for (int i = 0; i < 36; i++) // symmetric
@@ -407,8 +399,8 @@ void pnp_update_velocity_prior(const struct pose_problem *problem, const struct 
 
 void pnp_information(const struct pose_problem *problem, const struct pose *camera_from_world, double information[36])
 {
-    struct pnp_equations n;
-    final_normal_equations(problem, camera_from_world, &n);
+    double storage[EQUATIONS];
+    const struct least_squares_sums n = final_normal_equations(problem, camera_from_world, storage);
     pose_information(&n, information);
 }
 
@@ -435,8 +427,7 @@ bool pnp_covariance(const struct pose_problem *problem, const struct pose *camer
     static const struct cost_statistics DEPTH_SAMPLE = {1, 0.874, 1.222}, POINT = {2, 1.680, 2.112},
                                         DEEP_POINT = {3, 2.426, 2.760}, TAG = {8, 7.499, 12.42};
     const struct pnp_tag *tags = problem->tags;
-    struct pnp_equations n;
-    double information[36];
+    double information[36], storage[EQUATIONS];
     struct cost_statistics all = {0};
     for (int i = 0; i < problem->tag_count; i++) {
         add_expected_cost(&all, tags[i].used, TAG);
@@ -445,7 +436,7 @@ bool pnp_covariance(const struct pose_problem *problem, const struct pose *camer
     }
     for (int i = 0; i < problem->point_count; i++)
         add_expected_cost(&all, 1, problem->points[i].z > 0 ? DEEP_POINT : POINT);
-    final_normal_equations(problem, camera_from_world, &n);
+    const struct least_squares_sums n = final_normal_equations(problem, camera_from_world, storage);
     pose_information(&n, information);
     if (!invert_symmetric(information, 6, covariance))
         return false;

@@ -1,9 +1,9 @@
 // Pose of a camera from tags and landmarks (PnP).
 //
 // Minimises the robust, whitened reprojection error of tag corners and landmarks, and depth residuals where there is
-// depth, by Levenberg-Marquardt. Robust kernel: Cauchy, c^2 ln(1 + chi^2 / c^2), one kernel a tag (all eight numbers
-// of its corners), a landmark (with its depth) or a depth sample. Tags give the starting points: both planar poses of
-// each tag (IPPE, see locate/planar_pose.h); tags that disagree with the best pose are left out.
+// depth, by Levenberg-Marquardt (base/least_squares.h). Robust kernel: Cauchy, c^2 ln(1 + chi^2 / c^2), one kernel a
+// tag (all eight numbers of its corners), a landmark (with its depth) or a depth sample. Tags give the starting points:
+// both planar poses of each tag (IPPE, see locate/planar_pose.h); tags that disagree with the best pose are left out.
 //
 // The pose is camera_from_world. It is updated on the left: T <- exp(d) T. The order of every 6-vector is
 // (rotation x, y, z in radians; translation x, y, z in metres), in camera axes (x right, y down, z forward). Matrices

@@ -1,7 +1,7 @@
 #include "objects/thing_align.h"
 
 #include "base/clamp.h"
-#include "base/linear_algebra.h"
+#include "base/least_squares.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -170,10 +170,17 @@ static void add_colors(struct sums sums[3], const float color[3], const float va
 
 static bool is_used(const struct align_input *in, int i) { return in->samples->facing[in->shape][i] >= MIN_FACING; }
 
-struct normal {
-    double a[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS], g[ALIGN_UNKNOWNS];
-    double cost, magnitude; // sum of Huber costs in units of noise^2; sum of |residual|
-    int residuals;
+// What the residuals give beside the normal equations.
+struct residual_sums {
+    double magnitude; // sum of |residual|
+    int count;
+};
+
+// Where residuals are added.
+struct residual_target {
+    double noise; // standard deviation, grey levels
+    struct least_squares_sums *normal;
+    struct residual_sums *sums;
 };
 
 struct gains {
@@ -205,23 +212,20 @@ static void pixel_slopes(const struct view_frame *frame, const struct projected 
     }
 }
 
+// The cost: sum of Huber costs in units of noise^2.
 static void add_residuals(const struct sample *at, const float color[3], const struct gains *gains,
-                          const double slope[ALIGN_UNKNOWNS][2], double noise, struct normal *normal)
+                          const double slope[ALIGN_UNKNOWNS][2], struct residual_target *out)
 {
     for (int c = 0; c < 3; c++) {
-        const double r = at->value[c] - gains->gain[c] * color[c] - gains->offset[c], size = fabs(r) / noise;
-        const double weight = (size <= HUBER ? 1 : HUBER / size) / (noise * noise);
+        const double r = at->value[c] - gains->gain[c] * color[c] - gains->offset[c], size = fabs(r) / out->noise;
+        const double weight = (size <= HUBER ? 1 : HUBER / size) / (out->noise * out->noise);
         double j[ALIGN_UNKNOWNS];
-        for (int k = 0; k < ALIGN_UNKNOWNS; k++) {
-            j[k] = at->dx[c] * slope[k][0] + at->dy[c] * slope[k][1];
-            normal->g[k] -= weight * r * j[k];
-        }
         for (int k = 0; k < ALIGN_UNKNOWNS; k++)
-            for (int m = 0; m <= k; m++)
-                normal->a[k * ALIGN_UNKNOWNS + m] += weight * j[k] * j[m];
-        normal->cost += size <= HUBER ? size * size : HUBER * (2 * size - HUBER);
-        normal->magnitude += fabs(r);
-        normal->residuals++;
+            j[k] = at->dx[c] * slope[k][0] + at->dy[c] * slope[k][1];
+        least_squares_add(out->normal, r, j, weight);
+        out->normal->cost += size <= HUBER ? size * size : HUBER * (2 * size - HUBER);
+        out->sums->magnitude += fabs(r);
+        out->sums->count++;
     }
 }
 
@@ -276,7 +280,7 @@ double thing_score(const struct align_input *in, int view, struct alignment *ali
 }
 
 static void add_view(const struct align_input *in, int view, const struct alignment *alignment,
-                     const struct gains *gains, struct normal *normal)
+                     const struct gains *gains, struct residual_target *out)
 {
     const struct view_frame f = frame_of(in, view, alignment);
     const struct texture_level *l = &f.view->level[in->level];
@@ -289,21 +293,23 @@ static void add_view(const struct align_input *in, int view, const struct alignm
             continue;
         double slope[ALIGN_UNKNOWNS][2];
         pixel_slopes(&f, &p, slope);
-        add_residuals(&at, in->samples->color[i], gains, (const double(*)[2])slope, alignment->noise, normal);
+        add_residuals(&at, in->samples->color[i], gains, (const double(*)[2])slope, out);
     }
 }
 
-static bool build_normal(const struct align_input *in, struct alignment *alignment, struct normal *normal)
+static bool build_normal(const struct align_input *in, struct alignment *alignment, struct least_squares_sums *normal,
+                         struct residual_sums *sums)
 {
     const int last = ALIGN_UNKNOWNS - 1;
+    struct residual_target out = {alignment->noise, normal, sums};
     int in_sight = 0;
-    *normal = (struct normal){0};
+    *sums = (struct residual_sums){0};
     for (int v = 0; v < in->view_count; v++) {
         struct gains g;
         if (!view_gains(in, v, alignment, &g))
             continue;
         in_sight++;
-        add_view(in, v, alignment, &g, normal);
+        add_view(in, v, alignment, &g, &out);
     }
     if (!in_sight)
         return false;
@@ -311,67 +317,70 @@ static bool build_normal(const struct align_input *in, struct alignment *alignme
     const double off = alignment->log_scale - in->size.log_scale;
     normal->a[last * ALIGN_UNKNOWNS + last] += prior;
     normal->g[last] -= prior * off;
-    normal->cost = (normal->cost + prior * off * off) / normal->residuals;
-    for (int k = 0; k < ALIGN_UNKNOWNS; k++)
-        for (int m = k + 1; m < ALIGN_UNKNOWNS; m++)
-            normal->a[k * ALIGN_UNKNOWNS + m] = normal->a[m * ALIGN_UNKNOWNS + k];
+    normal->cost = (normal->cost + prior * off * off) / sums->count;
     return true;
 }
 
-static bool solve_damped(const struct normal *normal, double damping, double step[ALIGN_UNKNOWNS])
-{
-    double a[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS];
-    memcpy(a, normal->a, sizeof a);
-    memcpy(step, normal->g, sizeof normal->g);
-    for (int k = 0; k < ALIGN_UNKNOWNS; k++)
-        a[k * ALIGN_UNKNOWNS + k] *= 1 + damping;
-    if (!cholesky_factor(a, ALIGN_UNKNOWNS))
-        return false;
-    cholesky_solve(a, ALIGN_UNKNOWNS, step);
-    return true;
-}
+// Two states, as base/least_squares.h names them.
+struct align_fit {
+    const struct align_input *in;
+    struct alignment at[2];
+    struct residual_sums sums[2];
+};
 
-static void apply_step(struct alignment *alignment, const double s[ALIGN_UNKNOWNS])
+static bool move_alignment(void *user, const double *s)
 {
-    struct pose *p = &alignment->left_from_thing;
+    struct align_fit *fit = user;
+    struct alignment *moved = &fit->at[STATE_TRIED];
+    *moved = fit->at[STATE_KEPT];
+    struct pose *p = &moved->left_from_thing;
     p->rotation = quat_unit(quat_multiply(quat_from_rotation_vector(v3(s[0], s[1], s[2])), p->rotation));
     p->translation = v3_add(p->translation, v3(s[3], s[4], s[5]));
-    alignment->log_scale += s[6];
+    moved->log_scale += s[6];
+    return p->translation.z > 0.05 && fabs(moved->log_scale) < 0.3;
+}
+
+// A state that loses a quarter of the residuals is none: it would be better for what it does not see.
+static bool sum_residuals(void *user, enum least_squares_state state, struct least_squares_sums *normal)
+{
+    struct align_fit *fit = user;
+    return build_normal(fit->in, &fit->at[state], normal, &fit->sums[state]) &&
+           (state == STATE_KEPT || fit->sums[STATE_TRIED].count * 4 > fit->sums[STATE_KEPT].count * 3);
+}
+
+static void keep_alignment(void *user)
+{
+    struct align_fit *fit = user;
+    fit->at[STATE_KEPT] = fit->at[STATE_TRIED];
+    fit->sums[STATE_KEPT] = fit->sums[STATE_TRIED];
+}
+
+// The noise from the residuals: 1.25 is a normal distribution's standard deviation over its mean magnitude.
+static bool update_noise(void *user)
+{
+    struct align_fit *fit = user;
+    const double before = fit->at[STATE_KEPT].noise,
+                 noise = 1.25 * fit->sums[STATE_KEPT].magnitude / fit->sums[STATE_KEPT].count;
+    fit->at[STATE_KEPT].noise = noise < MIN_NOISE ? MIN_NOISE : noise;
+    return fit->at[STATE_KEPT].noise != before;
 }
 
 bool thing_align(const struct align_input *in, int steps, struct alignment *alignment)
 {
-    struct normal now, then;
-    double damping = 0.01;
+    struct align_fit fit = {.in = in, .at = {*alignment}};
+    const struct least_squares_problem problem = {ALIGN_UNKNOWNS, &fit,           move_alignment,
+                                                  sum_residuals,  keep_alignment, update_noise};
+    const struct least_squares_options options = {steps, 0.01, 1e-5, 0};
+    double work[LEAST_SQUARES_WORK(ALIGN_UNKNOWNS)];
+    struct least_squares_sums normal;
     if (!(alignment->noise > 0))
-        alignment->noise = 20;
-    if (!build_normal(in, alignment, &now))
+        fit.at[STATE_KEPT].noise = 20;
+    const enum least_squares_end end = least_squares_solve(&problem, &options, work, &normal);
+    *alignment = fit.at[STATE_KEPT];
+    if (end == LEAST_SQUARES_NO_START)
         return false;
-    // the noise from the residuals: 1.25 is a normal distribution's standard deviation over its mean magnitude
-    for (int i = 0; i < steps && damping < 1e4; i++) {
-        alignment->noise = 1.25 * now.magnitude / now.residuals;
-        alignment->noise = alignment->noise < MIN_NOISE ? MIN_NOISE : alignment->noise;
-        if (!build_normal(in, alignment, &now))
-            return false;
-        double step[ALIGN_UNKNOWNS];
-        struct alignment moved = *alignment;
-        bool better = false;
-        if (solve_damped(&now, damping, step)) {
-            apply_step(&moved, step);
-            better = moved.left_from_thing.translation.z > 0.05 && fabs(moved.log_scale) < 0.3 &&
-                     build_normal(in, &moved, &then) && then.residuals * 4 > now.residuals * 3 && then.cost < now.cost;
-        }
-        damping *= better ? 0.2 : 10;
-        if (!better)
-            continue;
-        const double gain = now.cost - then.cost;
-        *alignment = moved;
-        now = then;
-        if (gain < 1e-5 * now.cost)
-            break;
-    }
-    memcpy(alignment->information, now.a, sizeof alignment->information);
+    least_squares_mirror(&normal);
     for (int k = 0; k < ALIGN_UNKNOWNS * ALIGN_UNKNOWNS; k++)
-        alignment->information[k] /= in->variance_factor;
+        alignment->information[k] = normal.a[k] / in->variance_factor;
     return true;
 }

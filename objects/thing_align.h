@@ -1,6 +1,7 @@
 // The pose of a thing from the pixels themselves: its texture, drawn where the pose has it, must look like all views at
-// once. Levenberg-Marquardt over turn, shift and the logarithm of its size, with a gain and an offset for each view and
-// channel and Huber weights (Lucas & Kanade 1981; Baker & Matthews 2004, forward additive). Pure.
+// once. Levenberg-Marquardt (base/least_squares.h) over turn, shift and the logarithm of its size, with a gain and an
+// offset for each view and channel and Huber weights (Lucas & Kanade 1981; Baker & Matthews 2004, forward additive).
+// Pure.
 #pragma once
 #include "objects/thing_model.h"
 

@@ -1,6 +1,7 @@
 #include "capture/calibration/color_depth.h"
 
 #include "base/depth_noise.h"
+#include "base/least_squares.h"
 #include "base/linear_algebra.h"
 #include "capture/calibration/stereo_calibration.h"
 #include "platform/files/image_file.h"
@@ -15,7 +16,8 @@ static const double MIN_RADIUS_PX = 6; // a smaller disc's edge is most of it
 static const double HUBER_PX = 0.5;
 static const double FOREIGN_PX = 2;      // residuals beyond: colour and depth do not show the same board
 static const double MAX_SIGMA_M = 0.003; // a pose less certain than this is of no use
-enum { ROUNDS = 30 };
+static const double MIN_DEPTH_M = 0.05, BEHIND_COST = 1e4; // of a point nearer than that, pixels^2
+enum { MAX_STEPS = 50 };
 
 struct disc_board disc_board_default(void) { return (struct disc_board){4, 3, 0.04, 0.05}; }
 
@@ -248,36 +250,55 @@ enum status color_depth_add(struct color_depth *c, const uint8_t *rgb, const uin
 
 // ---------------------------------------------------------------- the pose
 
-// Normal equations of the reprojection; 6-vector: turn, then shift, on the left of the pose. Returns the sum of squared
-// residuals.
-static double build_normal_equations(const struct color_depth *depth, struct pose color_from_depth, double n[36],
-                                     double g[6])
+// Two states, as base/least_squares.h names them. 6-vector: turn, then shift, on the left of the pose.
+struct pose_fit {
+    const struct color_depth *depth;
+    struct pose color_from_depth[2];
+    double squares[2]; // sum of squared residuals, pixels^2
+};
+
+static void add_point(struct pose_fit *fit, enum least_squares_state state, const struct color_depth_point *point,
+                      struct least_squares_sums *sums)
 {
-    const struct lens *l = &depth->calibration.color;
-    double squares = 0;
-    memset(n, 0, 36 * sizeof *n);
-    memset(g, 0, 6 * sizeof *g);
-    for (int i = 0; i < depth->count; i++) {
-        const struct vec3 p = pose_apply(color_from_depth, depth->points[i].depth_axes);
-        if (p.z < 0.05)
-            continue;
-        const struct vec3 ray = lens_ray(l, depth->points[i].color);
-        const double r[2] = {l->fx * (ray.x - p.x / p.z), l->fy * (ray.y - p.y / p.z)};
-        const double length = sqrt(r[0] * r[0] + r[1] * r[1]), weight = length > HUBER_PX ? HUBER_PX / length : 1;
-        const double d[2][3] = {{l->fx / p.z, 0, -l->fx * p.x / (p.z * p.z)},
-                                {0, l->fy / p.z, -l->fy * p.y / (p.z * p.z)}};
-        squares += length * length;
-        for (int k = 0; k < 2; k++) {
-            const struct vec3 row = v3(d[k][0], d[k][1], d[k][2]), turn = v3_cross(p, row);
-            const double j[6] = {turn.x, turn.y, turn.z, row.x, row.y, row.z};
-            for (int a = 0; a < 6; a++) {
-                g[a] += weight * j[a] * r[k];
-                for (int b = 0; b < 6; b++)
-                    n[6 * a + b] += weight * j[a] * j[b];
-            }
-        }
+    const struct lens *l = &fit->depth->calibration.color;
+    const struct vec3 p = pose_apply(fit->color_from_depth[state], point->depth_axes), ray = lens_ray(l, point->color);
+    if (p.z < MIN_DEPTH_M) {
+        sums->cost += BEHIND_COST;
+        return;
     }
-    return squares;
+    const double r[2] = {l->fx * (p.x / p.z - ray.x), l->fy * (p.y / p.z - ray.y)};
+    const double length = sqrt(r[0] * r[0] + r[1] * r[1]), weight = length > HUBER_PX ? HUBER_PX / length : 1;
+    const double d[2][3] = {{l->fx / p.z, 0, -l->fx * p.x / (p.z * p.z)}, {0, l->fy / p.z, -l->fy * p.y / (p.z * p.z)}};
+    fit->squares[state] += length * length;
+    sums->cost += length > HUBER_PX ? HUBER_PX * (2 * length - HUBER_PX) : length * length;
+    for (int k = 0; k < 2; k++) {
+        const struct vec3 row = v3(d[k][0], d[k][1], d[k][2]), turn = v3_cross(p, row);
+        least_squares_add(sums, r[k], (const double[6]){turn.x, turn.y, turn.z, row.x, row.y, row.z}, weight);
+    }
+}
+
+static bool sum_points(void *user, enum least_squares_state state, struct least_squares_sums *sums)
+{
+    struct pose_fit *fit = user;
+    fit->squares[state] = 0;
+    for (int i = 0; i < fit->depth->count; i++)
+        add_point(fit, state, &fit->depth->points[i], sums);
+    return true;
+}
+
+static bool move_pose(void *user, const double *d)
+{
+    struct pose_fit *fit = user;
+    const struct pose step = {quat_from_rotation_vector(v3(d[0], d[1], d[2])), v3(d[3], d[4], d[5])};
+    fit->color_from_depth[STATE_TRIED] = pose_multiply(step, fit->color_from_depth[STATE_KEPT]);
+    return pose_finite(fit->color_from_depth[STATE_TRIED]);
+}
+
+static void keep_pose(void *user)
+{
+    struct pose_fit *fit = user;
+    fit->color_from_depth[STATE_KEPT] = fit->color_from_depth[STATE_TRIED];
+    fit->squares[STATE_KEPT] = fit->squares[STATE_TRIED];
 }
 
 static enum status why_so_few(const struct color_depth *depth)
@@ -304,23 +325,18 @@ static enum status why_so_few(const struct color_depth *depth)
 enum status color_depth_solve(const struct color_depth *c, struct pose *color_from_depth,
                               struct color_depth_report *report)
 {
-    double n[36], g[6], covariance[36], squares = 0, depth_sum = 0;
+    static const struct least_squares_options options = {MAX_STEPS, 1e-3, 1e-9, 1e-12};
+    double covariance[36], work[LEAST_SQUARES_WORK(6)], depth_sum = 0;
     *report = (struct color_depth_report){.views = c->views, .points = c->count};
     if (c->views < COLOR_DEPTH_MIN_VIEWS)
         return why_so_few(c);
     const struct pose start = c->calibration.registered ? POSE_IDENTITY : c->calibration.color_from_depth;
-    struct pose pose = start;
-    for (int round = 0; round < ROUNDS; round++) {
-        build_normal_equations(c, pose, n, g);
-        if (!cholesky_factor(n, 6))
-            return fail(ERR_SOLVER,
-                        "the views do not fix the pose between colour and depth; show the board tilted, from "
-                        "different sides and distances");
-        cholesky_solve(n, 6, g);
-        const struct pose step = {quat_from_rotation_vector(v3(g[0], g[1], g[2])), v3(g[3], g[4], g[5])};
-        pose = pose_multiply(step, pose);
-    }
-    squares = build_normal_equations(c, pose, n, g);
+    struct pose_fit fit = {.depth = c, .color_from_depth = {start}};
+    const struct least_squares_problem problem = {6, &fit, move_pose, sum_points, keep_pose, NULL};
+    struct least_squares_sums sums;
+    (void)least_squares_solve(&problem, &options, work, &sums);
+    const struct pose pose = fit.color_from_depth[STATE_KEPT];
+    const double squares = fit.squares[STATE_KEPT];
     for (int i = 0; i < c->count; i++)
         depth_sum += c->points[i].depth_axes.z;
     report->rms_px = sqrt(squares / c->count);
@@ -334,8 +350,10 @@ enum status color_depth_solve(const struct color_depth *c, struct pose *color_fr
             "colour and depth contradict each other by %.1f pixels: the pictures are swapped or mirrored, were not "
             "taken at the same time, or a lens is wrong",
             report->rms_px);
-    if (!invert_symmetric(n, 6, covariance))
-        return fail(ERR_SOLVER, "the views do not fix the pose between colour and depth");
+    if (!invert_symmetric(sums.a, 6, covariance))
+        return fail(ERR_SOLVER,
+                    "the views do not fix the pose between colour and depth; show the board tilted, from different "
+                    "sides and distances");
     const double variance = squares / (2 * c->count - 6);
     for (int k = 0; k < 3; k++) {
         report->sigma_deg = fmax(report->sigma_deg, sqrt(variance * covariance[7 * k]) * 180 / PI);

@@ -3,8 +3,9 @@
 //
 // Method: paper "Free-viewpoint Mobile Robot Teleoperation Interface" (Okura et al.), section 3.2: the 3D centroid of a
 // marker by depth corresponds to its centre in the colour image, and the pose follows from the perspective-n-point
-// problem over all views; here both centres are found without a hand, and the problem is solved by Gauss-Newton with
-// Huber weights. The discs' places on the board need not be known, only their lattice. Pure but for memory.
+// problem over all views; here both centres are found without a hand, and the problem is solved by
+// Levenberg-Marquardt (base/least_squares.h) with Huber weights. The discs' places on the board need not be known, only
+// their lattice. Pure but for memory.
 #pragma once
 #include "base/lens.h"
 

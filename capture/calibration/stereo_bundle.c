@@ -1,11 +1,12 @@
 #include "capture/calibration/stereo_bundle.h"
 
+#include "base/least_squares.h"
 #include "base/linear_algebra.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { LOCAL = BUNDLE_LENS + 2 * BUNDLE_POSE, MAX_STEPS = 60 };
+enum { LOCAL = BUNDLE_LENS + 2 * BUNDLE_POSE, MAX_STEPS = 200 };
 #define HUBER_PX    0.3
 #define MIN_DEPTH_M 1e-3 // before the camera
 
@@ -199,42 +200,38 @@ double stereo_bundle_cost(const struct stereo_bundle *bundle)
     return sum;
 }
 
-struct system {
-    int n;
-    double *a, *g, *damped, *step; // J'J's lower triangle, -J'r; scratch; the solution
-};
-
-static void add_sighting(const struct stereo_bundle *bundle, const struct disc_sighting *sighting,
-                         struct system *system)
+// False: it is behind the camera.
+static bool add_sighting(const struct stereo_bundle *bundle, const struct disc_sighting *sighting,
+                         struct least_squares_sums *sums)
 {
     struct pixel at;
     double j[LOCAL][2];
     int column[LOCAL];
-    if (sighting->outlier || !predict_with_slopes(bundle, sighting, &at, j))
-        return;
+    if (!predict_with_slopes(bundle, sighting, &at, j))
+        return false;
     const double rx = at.x - sighting->at.x, ry = at.y - sighting->at.y, distance = sqrt(rx * rx + ry * ry);
     const double weight = distance <= HUBER_PX ? 1 : HUBER_PX / distance;
+    sums->cost += huber_loss(distance);
     for (int k = 0; k < LOCAL; k++)
         column[k] = column_of(sighting, k);
     for (int k = 0; k < LOCAL; k++) {
         if (column[k] < 0)
             continue;
-        system->g[column[k]] -= weight * (j[k][0] * rx + j[k][1] * ry);
+        sums->g[column[k]] -= weight * (j[k][0] * rx + j[k][1] * ry);
         for (int i = 0; i <= k; i++) // the columns rise
             if (column[i] >= 0)
-                system->a[column[k] * system->n + column[i]] += weight * (j[k][0] * j[i][0] + j[k][1] * j[i][1]);
+                sums->a[column[k] * sums->n + column[i]] += weight * (j[k][0] * j[i][0] + j[k][1] * j[i][1]);
     }
+    return true;
 }
 
-static void fill_system(const struct stereo_bundle *bundle, struct system *system)
+static bool add_sightings(const struct stereo_bundle *bundle, struct least_squares_sums *sums)
 {
-    memset(system->a, 0, (size_t)(system->n * system->n) * sizeof *system->a);
-    memset(system->g, 0, (size_t)system->n * sizeof *system->g);
+    bool in_front = true;
     for (int i = 0; i < bundle->count; i++)
-        add_sighting(bundle, &bundle->seen[i], system);
-    for (int i = 0; i < system->n; i++)
-        if (system->a[i * system->n + i] == 0) // nothing depends on it: it stays
-            system->a[i * system->n + i] = 1;
+        if (!bundle->seen[i].outlier && !add_sighting(bundle, &bundle->seen[i], sums))
+            in_front = false;
+    return in_front;
 }
 
 static void apply_step(struct stereo_bundle *bundle, const double *step)
@@ -258,45 +255,56 @@ void stereo_bundle_move(struct stereo_bundle *bundle, int unknown, double step)
     }
 }
 
-static bool solve_damped(struct system *system, double damping)
+// The least squares' two states: the caller's bundle and one with boards of its own.
+struct bundle_fit {
+    struct stereo_bundle *bundle[2];
+};
+
+static void copy_unknowns(struct stereo_bundle *to, const struct stereo_bundle *from)
 {
-    memcpy(system->damped, system->a, (size_t)(system->n * system->n) * sizeof *system->a);
-    for (int i = 0; i < system->n; i++)
-        system->damped[i * system->n + i] *= 1 + damping;
-    memcpy(system->step, system->g, (size_t)system->n * sizeof *system->g);
-    if (!cholesky_factor(system->damped, system->n))
-        return false;
-    cholesky_solve(system->damped, system->n, system->step);
+    struct pose *boards = to->left_from_board;
+    *to = *from;
+    to->left_from_board = boards;
+    memcpy(boards, from->left_from_board, (size_t)from->boards * sizeof *boards);
+}
+
+static bool move_bundle(void *user, const double *step)
+{
+    struct bundle_fit *fit = user;
+    copy_unknowns(fit->bundle[STATE_TRIED], fit->bundle[STATE_KEPT]);
+    apply_step(fit->bundle[STATE_TRIED], step);
     return true;
 }
 
-static void minimize_cost(struct stereo_bundle *bundle, struct system *system, struct pose *kept)
+static bool sum_sightings(void *user, enum least_squares_state state, struct least_squares_sums *sums)
 {
-    double damping = 1e-3, now = stereo_bundle_cost(bundle);
-    const size_t bytes = (size_t)bundle->boards * sizeof *kept;
-    for (int i = 0; i < MAX_STEPS && damping < 1e8; i++) {
-        fill_system(bundle, system);
-        const struct stereo_bundle before = *bundle;
-        memcpy(kept, bundle->left_from_board, bytes);
-        bool better = false;
-        double change = 0;
-        while (!better && damping < 1e8) {
-            if (solve_damped(system, damping)) {
-                apply_step(bundle, system->step);
-                const double then = stereo_bundle_cost(bundle);
-                better = then < now;
-                change = (now - then) / (now + 1e-12);
-                now = better ? then : now;
-            }
-            if (!better) {
-                *bundle = before;
-                memcpy(bundle->left_from_board, kept, bytes);
-            }
-            damping *= better ? 0.2 : 8;
-        }
-        if (better && change < 1e-7)
-            return;
-    }
+    const struct bundle_fit *fit = user;
+    return add_sightings(fit->bundle[state], sums);
+}
+
+static void keep_bundle(void *user)
+{
+    struct bundle_fit *fit = user;
+    copy_unknowns(fit->bundle[STATE_KEPT], fit->bundle[STATE_TRIED]);
+}
+
+// Scratch of a solution: LEAST_SQUARES_WORK doubles, a pose for each board, and a number for each sighting.
+struct bundle_scratch {
+    double *work, *distances;
+    struct pose *boards;
+};
+
+static int unknown_count(const struct stereo_bundle *bundle) { return BUNDLE_SHARED + bundle->boards * BUNDLE_POSE; }
+
+static void minimize_cost(struct stereo_bundle *bundle, const struct bundle_scratch *scratch)
+{
+    static const struct least_squares_options options = {MAX_STEPS, 1e-3, 1e-7, 1e-12};
+    struct stereo_bundle tried = {.left_from_board = scratch->boards};
+    struct bundle_fit fit = {{bundle, &tried}};
+    const struct least_squares_problem problem = {unknown_count(bundle), &fit,        move_bundle,
+                                                  sum_sightings,         keep_bundle, NULL};
+    struct least_squares_sums sums;
+    (void)least_squares_solve(&problem, &options, scratch->work, &sums);
 }
 
 static int compare_doubles(const void *a, const void *b)
@@ -327,8 +335,9 @@ static int mark_outliers(struct stereo_bundle *bundle, double *distances)
     return marked;
 }
 
-static void write_covariance(const struct stereo_bundle *bundle, struct system *system, double *covariance)
+static void write_covariance(const struct stereo_bundle *bundle, double *work, double *covariance)
 {
+    const int unknowns = unknown_count(bundle);
     double squares = 0;
     int n = 0;
     for (int i = 0; i < bundle->count; i++) {
@@ -339,47 +348,46 @@ static void write_covariance(const struct stereo_bundle *bundle, struct system *
                    (at.y - bundle->seen[i].at.y) * (at.y - bundle->seen[i].at.y);
         n += 2;
     }
-    const double variance = n > system->n ? squares / (n - system->n) : squares;
-    fill_system(bundle, system);
+    const double variance = n > unknowns ? squares / (n - unknowns) : squares;
+    struct least_squares_sums sums = least_squares_zero(unknowns, work);
+    (void)add_sightings(bundle, &sums);
+    for (int i = 0; i < unknowns; i++)
+        if (sums.a[i * unknowns + i] == 0) // nothing depends on it
+            sums.a[i * unknowns + i] = 1;
     memset(covariance, 0, BUNDLE_SHARED * BUNDLE_SHARED * sizeof *covariance);
-    if (!cholesky_factor(system->a, system->n))
+    if (!cholesky_factor(sums.a, unknowns))
         return;
     for (int k = 0; k < BUNDLE_SHARED; k++) {
-        memset(system->step, 0, (size_t)system->n * sizeof *system->step);
-        system->step[k] = 1;
-        cholesky_solve(system->a, system->n, system->step);
+        memset(sums.g, 0, (size_t)unknowns * sizeof *sums.g);
+        sums.g[k] = 1;
+        cholesky_solve(sums.a, unknowns, sums.g);
         for (int i = 0; i < BUNDLE_SHARED; i++)
-            covariance[k * BUNDLE_SHARED + i] = variance * system->step[i];
+            covariance[k * BUNDLE_SHARED + i] = variance * sums.g[i];
     }
 }
 
 enum status stereo_bundle_solve(struct stereo_bundle *b, double *covariance)
 {
-    struct system m = {.n = BUNDLE_SHARED + b->boards * BUNDLE_POSE};
-    const size_t n = (size_t)m.n;
-    m.a = malloc(n * n * sizeof *m.a);
-    m.damped = malloc(n * n * sizeof *m.damped);
-    m.g = malloc(n * sizeof *m.g);
-    m.step = malloc(n * sizeof *m.step);
-    struct pose *kept = malloc((size_t)b->boards * sizeof *kept);
-    double *distances = malloc(((size_t)b->count + 1) * sizeof *distances);
+    const size_t n = (size_t)unknown_count(b);
+    struct bundle_scratch scratch = {
+        .work = malloc(LEAST_SQUARES_WORK(n) * sizeof *scratch.work),
+        .distances = malloc(((size_t)b->count + 1) * sizeof *scratch.distances),
+        .boards = malloc(((size_t)b->boards + 1) * sizeof *scratch.boards),
+    };
     enum status status = OK;
-    if (!m.a || !m.damped || !m.g || !m.step || !kept || !distances) {
+    if (!scratch.work || !scratch.distances || !scratch.boards) {
         status = fail(ERR_MEMORY, "no memory to calibrate with %d boards", b->boards);
     } else {
-        minimize_cost(b, &m, kept);
-        if (mark_outliers(b, distances))
-            minimize_cost(b, &m, kept);
+        minimize_cost(b, &scratch);
+        if (mark_outliers(b, scratch.distances))
+            minimize_cost(b, &scratch);
         if (!(stereo_bundle_cost(b) < 1e20))
             status = fail(ERR_SOLVER, "the calibration did not converge");
         else if (covariance)
-            write_covariance(b, &m, covariance);
+            write_covariance(b, scratch.work, covariance);
     }
-    free(m.a);
-    free(m.damped);
-    free(m.g);
-    free(m.step);
-    free(kept);
-    free(distances);
+    free(scratch.work);
+    free(scratch.distances);
+    free(scratch.boards);
     return status;
 }

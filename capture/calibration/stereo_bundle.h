@@ -30,7 +30,8 @@ double stereo_bundle_cost(const struct stereo_bundle *bundle);
 // One of the BUNDLE_SHARED unknowns moved by `step`.
 void stereo_bundle_move(struct stereo_bundle *bundle, int unknown, double step);
 
-// Levenberg-Marquardt with Huber weights until it stops improving, leaving out gross outliers once. `covariance`, where
-// not NULL: BUNDLE_SHARED^2 doubles in the order fx, fy, cx, cy, k1, k2, p1, p2 of left and of right, turn and shift of
+// Levenberg-Marquardt with Huber weights until it stops improving, leaving out gross outliers once:
+// base/least_squares.h over all unknowns, dense, for a calibration has some dozens of boards. `covariance`, where not
+// NULL: BUNDLE_SHARED^2 doubles in the order fx, fy, cx, cy, k1, k2, p1, p2 of left and of right, turn and shift of
 // camera_from_left[1]; scaled by the residuals' variance. ERR_MEMORY, ERR_SOLVER.
 MUST_CHECK enum status stereo_bundle_solve(struct stereo_bundle *b, double *covariance);
