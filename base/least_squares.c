@@ -6,7 +6,7 @@
 #include <string.h>
 
 static const double DAMPING_FACTOR = 10; // Marquardt's nu
-static const double DAMPING_AGAIN = 1e-3, DAMPING_MAX = 1e8;
+static const double DAMPING_AGAIN = 1e-2, DAMPING_MAX = 1e8;
 static const double ROUNDING = 1e-9; // of a cost that is a sum over many residuals
 
 struct least_squares_sums least_squares_zero(int n, double *storage)

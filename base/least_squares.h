@@ -6,8 +6,9 @@
 // A step d solves (A + l diag A) d = g, where A = J' W J and g = -J' W r at the kept state: Marquardt's scaling, which
 // does not depend on units (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", 1963;
 // Madsen, Nielsen & Tingleff, "Methods for non-linear least squares problems", 2004, section 3.2). A step that lowers
-// the cost is kept and l becomes a tenth, else l becomes ten times as much, at least 1e-3: below that a step would
-// hardly differ from the one that failed. An unknown that no residual depends on stays where it is.
+// the cost is kept and l becomes a tenth, else l becomes ten times as much, at least 1e-2: below that a step would
+// hardly differ from the one that failed, and where steps are few it would be lost. An unknown that no residual depends
+// on stays where it is.
 //
 // Pure: no memory is allocated, any thread may call; the order of the floating-point operations is fixed.
 #pragma once

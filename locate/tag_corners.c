@@ -1,5 +1,6 @@
 #include "locate/tag_corners.h"
 
+#include "base/least_squares.h"
 #include "base/linear_algebra.h"
 #include "locate/planar_pose.h"
 #include "locate/rolling_shutter.h"
@@ -10,16 +11,16 @@
 
 enum {
     MAX_SAMPLES = 12000, // of one tag; larger ones are sampled at every second, third ... pixel
-    MAX_ROUNDS = 12,
-    FEW_ROUNDS = 2,  // from corners known to a pixel; more change them by less than the noise does
-    NOISE_ROUND = 1, // in which the image noise is estimated: at the start the residuals are those of the start
+    MIN_SAMPLES = 40,
+    MAX_STEPS = 12,
+    FEW_STEPS = 2, // from corners known to a pixel; more change them by less than the noise does
     SLOPES = 1024,
 };
 
 // Chosen by hand unless something else is said.
 static const double BLUR_START_PX = 0.45, BLUR_LOOSE_PX = 0.3, BLUR_MIN_PX = 0.1, BLUR_MAX_PX = 3;
 static const double MIN_CORRELATION = 0.5, MIN_CONTRAST = 0.02;
-static const double CONVERGED = 5e-4; // a step in (u, v); what is left after it is ten times less
+static const double CONVERGED = 1e-4; // what a step gains of the mean squared error
 // Least noise: what is not in the model (JPEG, the lens's sharpness, print) adds to the image's. 0.006 of full range is
 // 1.5 grey levels.
 static const double MIN_NOISE = 0.006, START_NOISE = 0.1;
@@ -141,21 +142,19 @@ static void sample_pixels(struct tag_refiner *refiner, const uint8_t *rgb, const
     }
 }
 
-// Sums of one pass over the samples.
-struct refine_equations {
-    double normal[TAG_PARAMETERS * TAG_PARAMETERS]; // lower triangle
-    double gradient[TAG_PARAMETERS];
+// What one pass over the samples gives beside the normal equations.
+struct sample_sums {
     double cost, weight;                         // weighted squared error, in encoded light; sum of the weights
     double sum_v, sum_vv, sum_m, sum_mm, sum_vm; // of samples v and predictions m, for their correlation
     int count;
 };
 
 // noise: of the image, in encoded light; robust kernel: Cauchy with three times that as its scale.
-static void accumulate_equations(const struct tag_refiner *refiner, const struct tag_model *model, double noise,
-                                 struct refine_equations *equations)
+static void accumulate_samples(const struct tag_refiner *refiner, const struct tag_model *model, double noise,
+                               struct least_squares_sums *equations, struct sample_sums *sums)
 {
     double inverse[9];
-    memset(equations, 0, sizeof *equations);
+    *sums = (struct sample_sums){.count = 0};
     if (!invert_matrix3(model->h, inverse))
         return;
     for (int i = 0; i < refiner->count; i++) {
@@ -172,23 +171,23 @@ static void accumulate_equations(const struct tag_refiner *refiner, const struct
             double scaled = by[a] * weight;
             if (scaled == 0)
                 continue;
-            equations->gradient[a] += scaled * (s->value - value);
+            equations->g[a] += scaled * (s->value - value);
             for (int b = 0; b <= a; b++)
-                equations->normal[a * TAG_PARAMETERS + b] += scaled * by[b];
+                equations->a[a * TAG_PARAMETERS + b] += scaled * by[b];
         }
-        equations->cost += robust * error * error;
-        equations->weight += robust;
-        equations->sum_v += s->value;
-        equations->sum_vv += s->value * s->value;
-        equations->sum_m += value;
-        equations->sum_mm += value * value;
-        equations->sum_vm += s->value * value;
-        equations->count++;
+        sums->cost += robust * error * error;
+        sums->weight += robust;
+        sums->sum_v += s->value;
+        sums->sum_vv += s->value * s->value;
+        sums->sum_m += value;
+        sums->sum_mm += value * value;
+        sums->sum_vm += s->value * value;
+        sums->count++;
     }
     // A prior of the blur, without which small tags may diverge.
     double prior = noise * noise / (BLUR_LOOSE_PX * BLUR_LOOSE_PX);
-    equations->normal[8 * TAG_PARAMETERS + 8] += prior;
-    equations->gradient[8] += prior * (BLUR_START_PX - model->blur_px);
+    equations->a[8 * TAG_PARAMETERS + 8] += prior;
+    equations->g[8] += prior * (BLUR_START_PX - model->blur_px);
 }
 
 // Initial black and white: the means of the samples that the initial homography puts well inside cells. *noise: their
@@ -246,68 +245,75 @@ static bool apply_update(struct tag_model *model, const double d[TAG_PARAMETERS]
     return isfinite(model->white + model->black + model->white_u + model->white_v);
 }
 
-// Levenberg-Marquardt. Leaves *equations at the model's final state. few: corners are known to a pixel, *noise roughly.
-static bool minimize_error(const struct tag_refiner *refiner, struct tag_model *model, bool few,
-                           struct refine_equations *equations, double *noise)
+// The fit of a tag's model to the samples: two states, as base/least_squares.h names them.
+struct tag_fit {
+    const struct tag_refiner *refiner;
+    double noise; // of the image, in encoded light
+    struct tag_model model[2];
+    struct sample_sums sums[2];
+    double work[LEAST_SQUARES_WORK(TAG_PARAMETERS)];
+    struct least_squares_sums equations; // of the kept state
+};
+
+static bool move_model(void *user, const double *step)
 {
-    double damping = 1e-4;
-    int max_rounds = few ? FEW_ROUNDS : MAX_ROUNDS;
+    struct tag_fit *fit = user;
+    fit->model[STATE_TRIED] = fit->model[STATE_KEPT];
+    return apply_update(&fit->model[STATE_TRIED], step);
+}
+
+// The cost is the mean squared error: the number of samples that the tag covers differs from state to state.
+static bool sum_samples(void *user, enum least_squares_state state, struct least_squares_sums *equations)
+{
+    struct tag_fit *fit = user;
+    struct sample_sums *sums = &fit->sums[state];
+    accumulate_samples(fit->refiner, &fit->model[state], fit->noise, equations, sums);
+    equations->cost = sums->cost / sums->weight;
+    return sums->count >= MIN_SAMPLES;
+}
+
+static void keep_model(void *user)
+{
+    struct tag_fit *fit = user;
+    fit->model[STATE_KEPT] = fit->model[STATE_TRIED];
+    fit->sums[STATE_KEPT] = fit->sums[STATE_TRIED];
+}
+
+static double residual_noise(const struct sample_sums *sums)
+{
+    return fmax(MIN_NOISE, sqrt(sums->cost / fmax(1, sums->weight - TAG_PARAMETERS)));
+}
+
+// few: the corners are known to a pixel, fit->noise roughly. Else the noise is estimated after the first step: at the
+// start the residuals are those of the start.
+static bool minimize_error(struct tag_fit *fit, bool few)
+{
+    const struct least_squares_problem problem = {TAG_PARAMETERS, fit, move_model, sum_samples, keep_model, NULL};
+    struct least_squares_options options = {few ? FEW_STEPS : 1, 1e-4, CONVERGED, 0};
+    enum least_squares_end end;
     if (!few)
-        *noise = START_NOISE;
-    accumulate_equations(refiner, model, *noise, equations);
-    for (int round = 0; round < max_rounds; round++) {
-        if (equations->count < 40)
-            return false;
-        if (round == NOISE_ROUND && !few) {
-            *noise = fmax(MIN_NOISE, sqrt(equations->cost / fmax(1, equations->weight - TAG_PARAMETERS)));
-            accumulate_equations(refiner, model, *noise, equations);
-        }
-        double a[TAG_PARAMETERS * TAG_PARAMETERS], d[TAG_PARAMETERS];
-        memcpy(a, equations->normal, sizeof a);
-        memcpy(d, equations->gradient, sizeof d);
-        for (int i = 0; i < TAG_PARAMETERS; i++)
-            a[i * TAG_PARAMETERS + i] *= 1 + damping;
-        if (!cholesky_factor(a, TAG_PARAMETERS))
-            return false;
-        cholesky_solve(a, TAG_PARAMETERS, d);
-        struct tag_model next = *model;
-        struct refine_equations after;
-        if (!apply_update(&next, d))
-            return false;
-        accumulate_equations(refiner, &next, *noise, &after);
-        double before = equations->cost / equations->weight, now = after.cost / after.weight;
-        if (!(after.count >= 40) || !(now < before)) {
-            damping = fmax(damping, 1e-3) * 10;
-            if (damping > 1e3 || (now - before < 1e-9 * before))
-                return true;
-            continue;
-        }
-        *model = next;
-        *equations = after;
-        damping *= 0.1;
-        double largest = 0;
-        for (int i = 0; i < TAG_HOMOGRAPHY_DOF; i++)
-            largest = fmax(largest, fabs(d[i]));
-        if (round >= NOISE_ROUND && largest < CONVERGED && before - now < 1e-4 * before)
-            return true;
+        fit->noise = START_NOISE;
+    end = least_squares_solve(&problem, &options, fit->work, &fit->equations);
+    if (!few && end != LEAST_SQUARES_NO_START) {
+        fit->noise = residual_noise(&fit->sums[STATE_KEPT]);
+        options.max_steps = MAX_STEPS - 1;
+        options.damping = 1e-5;
+        end = least_squares_solve(&problem, &options, fit->work, &fit->equations);
     }
-    return true;
+    return end != LEAST_SQUARES_NO_START && end != LEAST_SQUARES_STUCK;
 }
 
 // How many times larger the covariance is than with independent noise: what is not in the model (lens, codec) makes the
 // residuals of a cell's pixels correlated (cluster-robust covariance, Liang & Zeger 1986). At least 1.
-static double error_inflation(const struct tag_refiner *refiner, const struct tag_model *model,
-                              const struct refine_equations *equations, double noise)
+static double error_inflation(const struct tag_fit *fit, double noise)
 {
-    double inverse[9], covariance[TAG_PARAMETERS * TAG_PARAMETERS], normal[TAG_PARAMETERS * TAG_PARAMETERS], ratio = 0;
+    const struct tag_refiner *refiner = fit->refiner;
+    const struct tag_model *model = &fit->model[STATE_KEPT];
+    double inverse[9], covariance[TAG_PARAMETERS * TAG_PARAMETERS], ratio = 0;
     static const double MARGIN =
         (double)TAG_RIM / (TAG_RIM - TAG_PARAMETERS / (double)TAG_RIM); // degrees of freedom of the fit
     double pull[TAG_RIM * TAG_RIM][TAG_PARAMETERS] = {{0}};
-    for (int i = 0; i < TAG_PARAMETERS * TAG_PARAMETERS; i++) {
-        int a = i / TAG_PARAMETERS, b = i % TAG_PARAMETERS;
-        normal[i] = equations->normal[a >= b ? i : b * TAG_PARAMETERS + a];
-    }
-    if (!invert_matrix3(model->h, inverse) || !invert_symmetric(normal, TAG_PARAMETERS, covariance))
+    if (!invert_matrix3(model->h, inverse) || !invert_symmetric(fit->equations.a, TAG_PARAMETERS, covariance))
         return 1;
     for (int i = 0; i < refiner->count; i++) {
         const struct pixel_sample *s = &refiner->samples[i];
@@ -330,17 +336,13 @@ static double error_inflation(const struct tag_refiner *refiner, const struct ta
 }
 
 // The inverse of the corners' covariance in ideal pixels, propagated from that of the parameters.
-static bool corner_information(const struct tag_refiner *refiner, const struct tag_model *model,
-                               const struct refine_equations *equations, double noise, double information[8][8])
+static bool corner_information(const struct tag_fit *fit, double noise, double information[8][8])
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+    const struct tag_refiner *refiner = fit->refiner;
+    const struct tag_model *model = &fit->model[STATE_KEPT];
     double covariance[TAG_PARAMETERS * TAG_PARAMETERS], by[8][TAG_HOMOGRAPHY_DOF], sum[64];
-    double normal[TAG_PARAMETERS * TAG_PARAMETERS];
-    for (int a = 0; a < TAG_PARAMETERS; a++)
-        for (int b = 0; b < TAG_PARAMETERS; b++)
-            normal[a * TAG_PARAMETERS + b] =
-                a >= b ? equations->normal[a * TAG_PARAMETERS + b] : equations->normal[b * TAG_PARAMETERS + a];
-    if (!invert_symmetric(normal, TAG_PARAMETERS, covariance))
+    if (!invert_symmetric(fit->equations.a, TAG_PARAMETERS, covariance))
         return false;
     for (int k = 0; k < 4; k++) {
         double u = corner[k][0], v = corner[k][1], x, y;
@@ -379,6 +381,7 @@ bool tag_refine_sampled(struct tag_refiner *refiner, const uint8_t *rgb, const s
                         int max_pixels, struct tag_observation *out)
 {
     static const double own[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+    struct tag_fit fit = {.refiner = refiner};
     struct tag_model m = {.blur_px = BLUR_START_PX};
     struct vec3 first[4];
     for (int k = 0; k < 4; k++)
@@ -390,22 +393,26 @@ bool tag_refine_sampled(struct tag_refiner *refiner, const uint8_t *rgb, const s
             bool rim = row == 0 || c == 0 || row == TAG_RIM - 1 || c == TAG_RIM - 1;
             m.cells[row][c] = rim ? 1 : candidate->pattern->cell[TAG_CELLS - row][c - 1];
         }
-    struct refine_equations g;
-    double noise, inflation = 1;
+    double inflation = 1;
     sample_pixels(refiner, rgb, m.h, max_pixels < MAX_SAMPLES ? max_pixels : MAX_SAMPLES);
-    if (!init_black_white(refiner, &m, &noise) || !minimize_error(refiner, &m, max_pixels < MAX_SAMPLES, &g, &noise))
+    if (!init_black_white(refiner, &m, &fit.noise))
         return false;
+    fit.model[STATE_KEPT] = m;
+    if (!minimize_error(&fit, max_pixels < MAX_SAMPLES))
+        return false;
+    m = fit.model[STATE_KEPT];
 
+    const struct sample_sums g = fit.sums[STATE_KEPT];
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
     double vv = g.sum_vv - g.sum_v * g.sum_v / n, mm = g.sum_mm - g.sum_m * g.sum_m / n;
     struct tag_observation s = {.id = candidate->id,
                                 .correlation = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
     if (!(s.correlation > MIN_CORRELATION) || !(m.white - m.black > MIN_CONTRAST))
         return false;
-    noise = fmax(MIN_NOISE, sqrt(g.cost / fmax(1, g.weight - TAG_PARAMETERS)));
+    const double noise = residual_noise(&g);
     if (max_pixels >= MAX_SAMPLES) // sparse samples are nearly independent
-        inflation = error_inflation(refiner, &m, &g, noise);
-    if (!corner_information(refiner, &m, &g, noise * sqrt(inflation), s.information))
+        inflation = error_inflation(&fit, noise);
+    if (!corner_information(&fit, noise * sqrt(inflation), s.information))
         return false;
     double cell_px = 1e9, moved_px = 0; // a cell's size, by the tag's shortest side; how far the corners moved
     for (int k = 0; k < 4; k++) {

@@ -1,6 +1,6 @@
 // Tag corners to a few hundredths of a pixel: an image model of the tag's whole pattern (locate/tag_model.h:
-// homography, blur, black, white and its gradient) is fitted to the pixels by Levenberg-Marquardt, so that every edge
-// of the tag contributes, not only the rim.
+// homography, blur, black, white and its gradient) is fitted to the pixels by Levenberg-Marquardt
+// (base/least_squares.h), so that every edge of the tag contributes, not only the rim.
 //
 // The fit is in linear light: edges found in gamma-encoded values move into the black, and a tag 25 pixels wide is
 // measured 2 % too small. It is in ideal coordinates without the lens's distortion, where edges are straight.
