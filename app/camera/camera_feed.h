@@ -1,7 +1,7 @@
 // The camera feed: the camera's images with their poses, from two threads of its own. One waits for images, one
 // localises the newest. Image and pose come as one frame, so that nothing is drawn into the image of another instant.
-// While the camera is lost, frames come without a pose (localizer_locate). Images that arrive faster than they can
-// be localised are dropped; so is one whose pose took so long that a newer image is better (frame_times.h).
+// While the camera is lost, frames come without a pose (localizer_locate). Images that arrive faster than they can be
+// localised are dropped; so is one whose pose took so long that a newer image is better (frame_times.h).
 //
 // A camera that fails is closed and opened again every second. A folder is played at the pace of its recording, in an
 // endless loop.
@@ -37,9 +37,9 @@ void present_gap_wait(struct present_gap *gap, int64_t count);
 // The camera's pose, image after image: the app's interface to tracking and relocalisation (locate/camera_tracker.h).
 // It survives a camera that is opened again and whose clock restarts.
 //
-// A camera that was tracked and is lost, or jumps, is relocalised on another thread of its own; meanwhile
-// images come without a pose. Where relocalisation was no help, or nothing was tracked before, localizer_locate blocks
-// until the image is localised.
+// A camera that was tracked and is lost, or jumps, is relocalised on another thread of its own; meanwhile images come
+// without a pose. Where relocalisation was no help, or nothing was tracked before, localizer_locate blocks until the
+// image is localised.
 //
 // One thread calls.
 

@@ -62,7 +62,7 @@ struct drive_screen {
 };
 
 // Borrows the session. file: the recording in whose place the robot is driven; NULL: none; place: that place, borrowed.
-// ERR_DEVICE, ERR_MEMORY; errors of drive_place_open. On error drive_screen_close is needed, too.
+// ERR_DEVICE, ERR_MEMORY; as recording_open and take_open. On error drive_screen_close is needed, too.
 MUST_CHECK enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session,
                                          const char *file, const struct place *place);
 void drive_screen_close(struct drive_screen *screen); // zeroed is fine; before the session is closed

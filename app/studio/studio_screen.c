@@ -474,11 +474,9 @@ static void draw_room(const struct brush *brush, struct studio_state *state, con
         draw_sweep(brush, state, view, in, now_ns);
 }
 
-// ---------------------------------------------------------------- the pages
+// ---------------------------------------------------------------- pieces of the pages
 
 static const double SIDE = 380, ROW = 64, BESIDE = 480, LOW = 420, HINT_AND_COUNT = 300, BUTTONS_W = 520;
-
-// ---------------------------------------------------------------- pieces
 
 // Without colour images the depth image takes the large picture's place.
 static const struct lens *large_lens(const struct studio_snapshot *shown)

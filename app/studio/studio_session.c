@@ -18,7 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---------------------------------------------------------------- snapshot
+// ---------------------------------------------------------------- a snapshot's buffers
 
 void studio_snapshot_free(struct studio_snapshot *snapshot)
 {
@@ -150,7 +150,7 @@ static bool take_wish(struct studio_wish *wish, char take[256])
     return *take != 0;
 }
 
-// ---------------------------------------------------------------- the room swept
+// ---------------------------------------------------------------- a sweep
 
 // The room swept in the studio: frames into the mapper until the sweep ends, then the map. On the session's thread.
 enum studio_sweep_end { STUDIO_SWEEP_ON, STUDIO_SWEEP_END, STUDIO_SWEEP_DROP };

@@ -694,6 +694,10 @@ void viewer_print_stats(const struct viewer *viewer, FILE *out)
     const struct camera_feed_state feed = viewer_camera_query(viewer->camera);
     fprintf(out, "pictures  %lld from the camera, %lld skipped, %lld drawn, %lld with the actor in place\n",
             (long long)feed.received, (long long)feed.dropped, (long long)t->frames, (long long)viewer->placed);
+    if (viewer->shared.take_view)
+        fprintf(out, "take      %lld frames decoded, of %lld\n",
+                (long long)take_view_frames_decoded(viewer->shared.take_view),
+                (long long)take_view_frames(viewer->shared.take_view));
     viewer_camera_print_stats(viewer->camera, out);
     viewer_live_print_stats(viewer->live, out);
     for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)

@@ -426,13 +426,6 @@ enum status gpu_check(struct gpu *g)
     return fail(ERR_DEVICE, "the graphics driver (%s) reports: %s", g->renderer, error_name(first));
 }
 
-enum status gpu_wait(struct gpu *g)
-{
-    gpu_make_current(g);
-    glFinish();
-    return gpu_check(g);
-}
-
 bool gpu_has_extension(const char *list, const char *word)
 {
     size_t length = strlen(word);

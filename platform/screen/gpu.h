@@ -44,9 +44,6 @@ struct gpu_counts gpu_get_counts(const struct gpu *gpu);
 // ERR_DEVICE: the context was lost, or an error was raised since the last check.
 MUST_CHECK enum status gpu_check(struct gpu *g);
 
-// Returns when all draws issued so far are complete (glFinish). ERR_DEVICE as gpu_check.
-MUST_CHECK enum status gpu_wait(struct gpu *g);
-
 // ---- programs
 struct gpu_program_source {
     const char *name;              // for the sentence

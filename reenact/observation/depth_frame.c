@@ -350,20 +350,6 @@ void depth_frame_label(struct depth_frame *frame, const struct take_images *imag
     find_widths(frame);
 }
 
-enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t frame)
-{
-    const struct take_entry *e = take_entry(take, frame);
-    if (!e->has_depth || !e->has_skeleton)
-        return NOTHING;
-    struct take_images images;
-    enum status status = take_read(take, frame, TAKE_DEPTH | TAKE_MASK, &images);
-    if (status != OK)
-        return status == ERR_CORRUPT ? NOTHING : status; // a damaged frame costs itself alone
-    const struct skeleton joints = inpaint_skeleton(take, frame);
-    depth_frame_label(s, &images, &joints);
-    return OK;
-}
-
 int depth_frame_step_inside(const struct depth_frame *frame, int i, int step)
 {
     int inside = i + step;

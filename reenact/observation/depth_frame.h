@@ -92,10 +92,6 @@ void depth_frame_close(struct depth_frame *frame); // zeroed is fine; leaves it 
 // (take_skeletons_at), colour camera's axes.
 void depth_frame_label(struct depth_frame *frame, const struct take_images *images, const struct skeleton *joints);
 
-// take_read and depth_frame_label for a caller that needs one frame of a take. NOTHING: it lacks depth or skeleton.
-// ERR_CORRUPT, ERR_IO, ERR_MEMORY. Unless OK, *s is unchanged.
-MUST_CHECK enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t frame);
-
 // From background pixel i to the actor's pixel next to it in direction `step` (an index offset), across mixed pixels:
 // the first that shows a part, at most DEPTH_FRAME_INWARD_PX from i. -1: there is none, or the background is not
 // clearly behind it.
@@ -147,9 +143,9 @@ MUST_CHECK enum status depth_frame_cache_open(struct depth_frame_cache **out, co
                                               const int64_t *frames, int count, size_t max_bytes);
 void depth_frame_cache_close(struct depth_frame_cache **s); // NULL is fine; sets *s = NULL
 
-// Gives frames[i] as depth_frame_read labels it; more than DEPTH_FRAME_MAX_EDGE_PX pixels from the actor it may have no
-// depth samples. `into` was opened for the same take and is overwritten. rgb: receives the frame's colour image, RGB of
-// calibration.color; NULL: not wanted. The frame's row is read at most once. NOTHING: the frame lacks depth or
+// Gives frames[i] as depth_frame_label labels it; more than DEPTH_FRAME_MAX_EDGE_PX pixels from the actor it may have
+// no depth samples. `into` was opened for the same take and is overwritten. rgb: receives the frame's colour image, RGB
+// of calibration.color; NULL: not wanted. The frame's row is read at most once. NOTHING: the frame lacks depth or
 // skeleton, or colour where it is wanted. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status depth_frame_cache_read(struct depth_frame_cache *s, int i, struct depth_frame *into,
                                               uint8_t *rgb);

@@ -16,8 +16,8 @@ struct yuv_to_rgb;
 MUST_CHECK enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu);
 void yuv_to_rgb_close(struct yuv_to_rgb **rgb); // NULL is fine
 
-// Draws the image (its layout, size and encoding) from the textures of its planes, which the GPU has read by the next
-// gpu_wait at the latest.
+// Draws the image (its layout, size and encoding) from the textures of its planes, which the GPU has read once
+// a gpu_fence opened after it has passed.
 MUST_CHECK enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *image,
                                        const struct gpu_texture *const planes[2]);
 

@@ -6,6 +6,7 @@
 #include "reenact/render/actor_renderer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_look.h"
+#include "tests/support/gpu_finish.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/work.h"
 
@@ -46,7 +47,7 @@ static enum status draw(struct draw_contender *c, int item, struct steps *out)
     enum status status = renderer_draw(c->renderer, &view, &result);
     const double finish_ms = bench_clock_ms();
     if (status == OK)
-        status = gpu_wait(c->gpu);
+        status = gpu_finish(c->gpu);
     const double ended_ms = bench_clock_ms();
     out->all = bench_all_threads_ms() - began_ms;
     out->submit = finish_ms - submit_ms;

@@ -4,6 +4,7 @@
 #include "reenact/render/actor_renderer.h"
 #include "reenact/skeleton/skeleton_track.h"
 #include "tests/bench/bench_look.h"
+#include "tests/support/gpu_finish.h"
 #include "tests/support/limbs.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/scratch.h"
@@ -106,7 +107,7 @@ static enum status watch(struct bench_curve *bytes)
             struct renderer_result result;
             status = renderer_draw(renderer, &view, &result);
             if (status == OK)
-                status = gpu_wait(gpu);
+                status = gpu_finish(gpu);
         }
         add_point(bytes, drawn, resident_bytes());
     }

@@ -9,6 +9,7 @@
 #include "platform/sensors/source.h"
 #include "tests/bench/bench.h"
 #include "tests/support/glass.h"
+#include "tests/support/gpu_finish.h"
 #include "tests/support/live_rehearsal.h"
 
 #include <math.h>
@@ -82,7 +83,7 @@ static double draw(struct glass *g)
 {
     const struct viewer_surface surface = {g->target, g->width, g->height, 0, glass_scale(g)};
     const int64_t begun_ns = clock_now_ns();
-    if (viewer_draw(g->viewer, &surface, begun_ns) != OK || gpu_wait(g->gpu) != OK)
+    if (viewer_draw(g->viewer, &surface, begun_ns) != OK || gpu_finish(g->gpu) != OK)
         abort();
     viewer_presented(g->viewer, clock_now_ns());
     return (double)(clock_now_ns() - begun_ns) * 1e-6;

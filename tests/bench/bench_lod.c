@@ -10,6 +10,7 @@
 #include "tests/bench/bench_lod_plot.h"
 #include "tests/bench/bench_look.h"
 #include "tests/bench/bench_views_data.h"
+#include "tests/support/gpu_finish.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>
@@ -212,7 +213,7 @@ static enum status draw_view(struct lod_bench *s, const struct renderer_view *vi
         double started_ms = bench_all_threads_ms();
         status = renderer_draw(l->renderer, view, &result);
         if (status == OK)
-            status = gpu_wait(s->gpu);
+            status = gpu_finish(s->gpu);
         ms[i % LEVELS][i / LEVELS] = bench_all_threads_ms() - started_ms;
         if (status != OK || i < (DRAWN - 1) * LEVELS)
             continue;

@@ -9,6 +9,7 @@
 #include "surround/gpu/surround_renderer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/point_splats.h"
+#include "tests/support/gpu_finish.h"
 #include "tests/support/road_scene.h"
 #include "tests/support/surround_readback.h"
 
@@ -154,7 +155,7 @@ static enum status draw_by_card(const struct contender *c, struct pose at,
     const enum status status = c->engine == CARD
                                    ? surround_renderer_draw(b->renderer, &image, pictures, ROAD_PANORAMAS, &texture)
                                    : point_splats_draw(b->splats, &image.lens, at);
-    return status == OK ? gpu_wait(b->gpu) : status;
+    return status == OK ? gpu_finish(b->gpu) : status;
 }
 
 static enum status read_back(const struct contender *c)

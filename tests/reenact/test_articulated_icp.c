@@ -4,6 +4,7 @@
 
 #include "reenact/avatar/articulated_icp.h"
 #include "reenact/avatar/tsdf.h"
+#include "tests/support/observe.h"
 #include "tests/support/painted_person.h"
 
 #include <stdio.h>
@@ -37,7 +38,7 @@ static int make_person(void **state)
     EXPECT_STATUS(bind_pose_make(&bind_pose, take.take), OK);
     EXPECT_STATUS(tsdf_open(&tsdf, &bind_pose, take_calibration(take.take), TSDF_VOXEL_M, 2), OK);
     EXPECT_STATUS(depth_frame_open(&observed, take.take, rays), OK);
-    EXPECT_STATUS(depth_frame_read(&observed, take.take, 0), OK);
+    EXPECT_STATUS(observe_frame(&observed, take.take, 0), OK);
     truth = transforms_of(&joints);
     for (int i = 0; i < FUSED; i++)
         EXPECT_STATUS(tsdf_integrate(tsdf, &observed, &truth), OK);

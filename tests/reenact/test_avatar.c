@@ -5,6 +5,7 @@
 #include "reenact/avatar/avatar.h"
 #include "reenact/avatar/deformation.h"
 #include "reenact/render/actor_renderer.h"
+#include "tests/support/observe.h"
 #include "tests/support/painted_person.h"
 #include "tests/support/random.h"
 
@@ -62,7 +63,7 @@ static void fitted_open(struct fitted *f)
     EXPECT_STATUS(
         avatar_make(&f->avatar, f->take.take, f->rays, &(struct avatar_options){.max_frames = 10, .threads = 4}), OK);
     EXPECT_STATUS(depth_frame_open(&f->observed, f->take.take, f->rays), OK);
-    EXPECT_STATUS(depth_frame_read(&f->observed, f->take.take, 0), OK);
+    EXPECT_STATUS(observe_frame(&f->observed, f->take.take, 0), OK);
 }
 
 static void fitted_close(struct fitted *f)
@@ -283,7 +284,7 @@ static void expect_rotated_alone(const struct rotating_limb *t)
     double own_rad[WAYS], carrier_rad[WAYS];
     for (int i = 0; i < WAYS; i++) {
         struct icp_input from = {.joint_errors = joint_noise_prior(), .start = bone_corrections_identity()};
-        EXPECT_STATUS(depth_frame_read(&observed, take.take, LEARNED - 1 + i), OK);
+        EXPECT_STATUS(observe_frame(&observed, take.take, LEARNED - 1 + i), OK);
         EXPECT_STATUS(bone_transforms_of(&avatar.bind_pose, &s, &from.joints), OK);
         for (int frame = 0; frame < 5; frame++) // as in a sequence, each starts from the previous one
             from.start = articulated_icp(avatar.tsdf, &observed, &from, NULL);
@@ -390,7 +391,7 @@ static struct skeleton registered_to_last(const struct one_frame *frames, int co
                   OK);
     EXPECT_TRUE(avatar.frames[0] == 0);
     EXPECT_STATUS(depth_frame_open(&observed, take.take, rays), OK);
-    EXPECT_STATUS(depth_frame_read(&observed, take.take, count - 1), OK);
+    EXPECT_STATUS(observe_frame(&observed, take.take, count - 1), OK);
     EXPECT_STATUS(bone_transforms_of(&avatar.bind_pose, wrong, &from.joints), OK);
     const struct bone_corrections found = articulated_icp(avatar.tsdf, &observed, &from, NULL);
     const struct bone_transforms adjusted = bone_corrections_apply(&from.joints, &found);

@@ -3,6 +3,7 @@
 
 #include "reenact/avatar/avatar.h"
 #include "reenact/avatar/deformation.h"
+#include "tests/support/observe.h"
 #include "tests/support/painted_person.h"
 
 #include <string.h>
@@ -39,7 +40,7 @@ static void deformation_case_open(struct deformation_case *s, const struct body 
     EXPECT_STATUS(bone_transforms_of(&l->bind_pose, &joints, &s->transforms), OK);
     EXPECT_STATUS(deformation_open(&s->deformation, &l->bind_pose, &l->surface, take_calibration(s->take.take)), OK);
     EXPECT_STATUS(depth_frame_open(&s->observed, s->take.take, s->rays), OK);
-    EXPECT_STATUS(depth_frame_read(&s->observed, s->take.take, 0), OK);
+    EXPECT_STATUS(observe_frame(&s->observed, s->take.take, 0), OK);
 }
 
 static void deformation_case_close(struct deformation_case *s)

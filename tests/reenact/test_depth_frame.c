@@ -3,6 +3,7 @@
 #include "tests/support/test.h"
 
 #include "reenact/observation/depth_frame.h"
+#include "tests/support/observe.h"
 #include "tests/support/painted_person.h"
 #include "tests/support/random.h"
 
@@ -22,7 +23,7 @@ static void see(struct labelled_case *s, const struct one_frame *frame)
     painted_take_open(&s->stage, &ideal, frame, 1, &whole_measures);
     EXPECT_STATUS(source_rays_open(&s->rays, take_calibration(s->stage.take)), OK);
     EXPECT_STATUS(depth_frame_open(&s->observed, s->stage.take, s->rays), OK);
-    EXPECT_STATUS(depth_frame_read(&s->observed, s->stage.take, 0), OK);
+    EXPECT_STATUS(observe_frame(&s->observed, s->stage.take, 0), OK);
 }
 
 static void see_no_more(struct labelled_case *s)
@@ -123,7 +124,7 @@ static void test_cached_frame_is_identical(void **state)
     memcpy(wanted, seen.color, sizeof wanted);
     EXPECT_STATUS(depth_frame_open(&fresh, stage.take, rays), OK);
     EXPECT_STATUS(depth_frame_open(&cached, stage.take, rays), OK);
-    EXPECT_STATUS(depth_frame_read(&fresh, stage.take, 0), OK);
+    EXPECT_STATUS(observe_frame(&fresh, stage.take, 0), OK);
     for (size_t k = 0; k < COUNT_OF(most_bytes); k++) {
         struct depth_frame_cache *cache;
         EXPECT_STATUS(depth_frame_cache_open(&cache, &source, &first, 1, most_bytes[k]), OK);

@@ -6,6 +6,7 @@
 #include "reenact/avatar/deformation.h"
 #include "reenact/render/avatar_renderer.h"
 #include "reenact/skeleton/skeleton_track.h"
+#include "tests/support/observe.h"
 #include "tests/support/rehearsed.h"
 
 #include <stdlib.h>
@@ -224,7 +225,7 @@ static void draw_reference(struct set *s, struct reference_canvas *canvas)
     struct posed_avatar posed = {.avatar = l, .viewer_from_world = pose_inverse(s->viewer).rotation};
     struct bone_transforms joints, shown;
     EXPECT_STATUS(depth_frame_open(&depth_frame, s->rehearsed.take, s->rehearsed.rays), OK);
-    EXPECT_STATUS(depth_frame_read(&depth_frame, s->rehearsed.take, s->moment.frame), OK);
+    EXPECT_STATUS(observe_frame(&depth_frame, s->rehearsed.take, s->moment.frame), OK);
     EXPECT_STATUS(bone_transforms_of(&l->bind_pose, &e->skeleton, &joints), OK);
     const struct icp_input from = {joints, l->joint_errors, avatar_corrections(l, s->moment.frame), true};
     struct bone_corrections a = articulated_icp(l->tsdf, &depth_frame, &from, NULL);
