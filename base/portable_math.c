@@ -166,8 +166,6 @@ double portable_atan2(double y, double x)
     return signbit(y) ? -angle : angle;
 }
 
-double portable_atan(double x) { return portable_atan2(x, 1); }
-
 double portable_asin(double x) { return fabs(x) <= 1 ? portable_atan2(x, sqrt((1 - x) * (1 + x))) : NAN; }
 
 double portable_acos(double x) { return fabs(x) <= 1 ? portable_atan2(sqrt((1 - x) * (1 + x)), x) : NAN; }

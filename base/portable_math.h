@@ -20,7 +20,6 @@ double portable_sin(double x);
 double portable_cos(double x);
 double portable_tan(double x);
 
-double portable_atan(double x);
 double portable_atan2(double y, double x); // -pi..pi; of (0, 0) 0 or pi, by the signs
 double portable_asin(double x);            // NaN outside -1..1
 double portable_acos(double x);

@@ -1,6 +1,5 @@
 #include "locate/camera_tracker.h"
 
-#include "base/clamp.h"
 #include "locate/pose_fusion.h"
 
 #include <stdlib.h>
@@ -35,18 +34,6 @@ struct camera_tracker {
     double chi2[2];      // sums of squared Mahalanobis distances of each filter
     double since_seen_s; // since the last pose
 };
-
-struct pose camera_motion_at(const struct camera_motion *motion, int64_t time_ns)
-{
-    int64_t ahead;
-    if (__builtin_sub_overflow(time_ns, motion->time_ns, &ahead))
-        ahead = time_ns > motion->time_ns ? INT64_MAX : INT64_MIN;
-    ahead = clamp_int64(ahead, -CAMERA_MAX_EXTRAPOLATION_NS, CAMERA_MAX_EXTRAPOLATION_NS);
-    double t = (double)ahead * 1e-9;
-    struct pose by = {quat_from_rotation_vector(v3_scale(motion->angular_velocity, t)),
-                      v3_scale(motion->linear_velocity, t)};
-    return pose_multiply(motion->world_from_camera, by);
-}
 
 enum status camera_tracker_open(struct camera_tracker **out, const struct place *place, const struct lens *lens,
                                 const struct locator_options *options)

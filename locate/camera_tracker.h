@@ -7,24 +7,18 @@
 //     if (camera_tracker_open(&tracker, &place, &lens, NULL) == OK)
 //         for each image:
 //             if (camera_tracker_process(tracker, color, NULL, time_ns, &at, &motion) == OK)
-//                 draw with camera_motion_at(&motion, when it will be on the screen)
+//                 draw from at.world_from_camera
 //
-// Axes, 6-vectors and memory: locate/locator.h. Deterministic. One handle belongs to one thread; a `struct
-// camera_motion` is a plain value that may be copied to another, and camera_motion_at is pure.
+// Axes, 6-vectors and memory: locate/locator.h. Deterministic. One handle belongs to one thread.
 #pragma once
 #include "locate/locator.h"
 
-// How a camera moves: extrapolated at constant velocity for up to a tenth of a second.
+// How a camera moves.
 struct camera_motion {
     int64_t time_ns; // of the image
     struct pose world_from_camera;
     struct vec3 linear_velocity, angular_velocity; // in the camera's own axes: m/s, rad/s
 };
-
-// The pose at `time_ns`, before or after motion->time_ns. Farther than CAMERA_MAX_EXTRAPOLATION_NS away it is the pose
-// at that limit.
-enum { CAMERA_MAX_EXTRAPOLATION_NS = 100000000 };
-struct pose camera_motion_at(const struct camera_motion *motion, int64_t time_ns);
 
 struct camera_tracker;
 

@@ -170,8 +170,7 @@ int64_t take_dropped(const struct take *take);
 int64_t take_lost(const struct take *take);        // frames that damage cost, before a repair too; they are left out
 int64_t take_errors_lost(const struct take *take); // frames whose joints' covariances damage cost
 const char *take_note(const struct take *take);    // "" where there is none; valid until the last handle is closed
-const char *take_alias(const struct take *take);  // who performs: a name that need not be the person's own; "" likewise
-size_t take_index_bytes(const struct take *take); // of the index, which all handles on the take share
+const char *take_alias(const struct take *take); // who performs: a name that need not be the person's own; "" likewise
 
 // Decoded images of one frame. Pixels belong to the handle and are valid until its next take_read; images that were not
 // wanted, or that the frame lacks, are NULL.

@@ -539,11 +539,6 @@ const char *take_alias(const struct take *take) { return take->index->alias; }
 
 int64_t take_dropped(const struct take *take) { return take->index->dropped; }
 
-size_t take_index_bytes(const struct take *take)
-{
-    return sizeof *take->index + sizeof *take->index->entries * (size_t)take->index->count;
-}
-
 // ------------------------------------------------------------- images
 
 static enum status no_memory(void) { return fail(ERR_MEMORY, "no memory for a frame's images"); }

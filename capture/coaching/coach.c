@@ -314,9 +314,9 @@ static struct missing missing_of(const struct coverage *coverage, const struct a
                 if (level && !is_sector_faced(coverage->facing, sector)) {
                     m.turn[sector] += area;
                     m.turn_sum += area;
-                } else if (advisor && needs_arms(p, k) && !is_sector_faced(advisor->lifted, sector)) {
+                } else if (needs_arms(p, k) && !is_sector_faced(advisor->lifted, sector)) {
                     m.arms += area;
-                } else if (advisor && needs_legs(p) && !is_sector_faced(advisor->spread, sector)) {
+                } else if (needs_legs(p) && !is_sector_faced(advisor->spread, sector)) {
                     m.legs += area;
                 }
             }
@@ -329,8 +329,6 @@ static struct missing missing_of(const struct coverage *coverage, const struct a
     }
     return m;
 }
-
-double advisor_turn_share(const struct coverage *coverage) { return missing_of(coverage, NULL).turn_sum; }
 
 // By the mean of what is missing, seen from where the camera is now: a turn to the left by d brings the body's angle
 // (camera - d) before the camera. A turn once begun is kept, so that the advice does not swing.

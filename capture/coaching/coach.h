@@ -91,9 +91,6 @@ struct advisor {
 // After each coverage_add. The answer's reason is in c: cells unseen.
 enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const struct skeleton *s, int64_t time_ns);
 
-// Share of the surface that a turn would still show.
-double advisor_turn_share(const struct coverage *coverage);
-
 // ---------------------------------------------------------------- coach
 
 enum coach_fault {

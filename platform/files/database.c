@@ -66,19 +66,6 @@ enum status database_check_name(const char *path)
     return OK;
 }
 
-bool database_is_single_file(const char *path)
-{
-    static const char *const endings[] = {LOG, "-shm", JOURNAL};
-    bool alone = true;
-    for (size_t i = 0; i < COUNT_OF(endings) && alone; i++) {
-        char *name = database_beside(path, endings[i]);
-        struct stat about;
-        alone = name && lstat(name, &about);
-        free(name);
-    }
-    return alone;
-}
-
 // ---------------------------------------------------------------- database
 
 struct database {

@@ -72,9 +72,6 @@ MUST_CHECK enum status database_close_wal(struct database *db);
 // ("-wal"). malloc'ed; NULL: no memory.
 char *database_beside(const char *path, const char *ending);
 
-// There is no log and no journal beside the file.
-bool database_is_single_file(const char *path);
-
 // Before a file of that name is made: ERR_EXISTS, a log or a journal of another one that was called so is left, which
 // SQLite would take for the new file's. ERR_MEMORY.
 MUST_CHECK enum status database_check_name(const char *path);

@@ -125,11 +125,6 @@ struct pose simulated_rover_pose(const struct simulated_rover *rover)
     return surroundings_bridge(&rover->surroundings, rover->odometry);
 }
 
-enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_from_view)
-{
-    return surroundings_draw(&r->surroundings, world_from_view);
-}
-
 static void add_box(struct box_world *world, const double low[3], const double high[3], uint32_t color, bool inside)
 {
     struct box *b = &world->boxes[world->count++];

@@ -47,9 +47,6 @@ MUST_CHECK enum status simulated_rover_step(struct simulated_rover *r, struct dr
 // What the operator's side believes: world_from_body in the surroundings' world, bridged by odometry.
 struct pose simulated_rover_pose(const struct simulated_rover *rover);
 
-// Draws the surroundings from a viewpoint, without the overlay, into r->surroundings.view.
-MUST_CHECK enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_from_view);
-
 // Worlds 1 to 3, the stages of Okura 2014, section 5: a straight narrow passage, a bent one with obstacles, a wall to
 // approach.
 void rover_stage_world(int stage, struct box_world *world, struct pose *start);

@@ -31,13 +31,15 @@ struct function {
     double most_ulps; // measured and rounded up
 };
 
+static double atan_of(double x) { return portable_atan2(x, 1); }
+
 static const struct function functions[] = {
-    {"exp", portable_exp, expl, -700, 700, 1.1},        {"exp near 0", portable_exp, expl, -0.4, 0.4, 1.1},
-    {"log", portable_log, logl, 1e-300, 1e300, 1.1},    {"log near 1", portable_log, logl, 0.5, 2, 1.1},
-    {"sin", portable_sin, sinl, -100000, 100000, 1.1},  {"sin near 0", portable_sin, sinl, -1, 1, 1.1},
-    {"cos", portable_cos, cosl, -100000, 100000, 1.1},  {"cos near 0", portable_cos, cosl, -1, 1, 1.1},
-    {"tan", portable_tan, tanl, -1.5, 1.5, 2},          {"atan", portable_atan, atanl, -3, 3, 2.8},
-    {"atan far", portable_atan, atanl, -1e6, 1e6, 1.1}, {"asin", portable_asin, asinl, -1, 1, 3.5},
+    {"exp", portable_exp, expl, -700, 700, 1.1},       {"exp near 0", portable_exp, expl, -0.4, 0.4, 1.1},
+    {"log", portable_log, logl, 1e-300, 1e300, 1.1},   {"log near 1", portable_log, logl, 0.5, 2, 1.1},
+    {"sin", portable_sin, sinl, -100000, 100000, 1.1}, {"sin near 0", portable_sin, sinl, -1, 1, 1.1},
+    {"cos", portable_cos, cosl, -100000, 100000, 1.1}, {"cos near 0", portable_cos, cosl, -1, 1, 1.1},
+    {"tan", portable_tan, tanl, -1.5, 1.5, 2},         {"atan", atan_of, atanl, -3, 3, 2.8},
+    {"atan far", atan_of, atanl, -1e6, 1e6, 1.1},      {"asin", portable_asin, asinl, -1, 1, 3.5},
     {"acos", portable_acos, acosl, -1, 1, 3.5},
 };
 
@@ -126,9 +128,9 @@ static void test_bits_are_the_same_everywhere(void **state)
     uint64_t sum = UINT64_C(0xcbf29ce484222325); // FNV-1a
     for (int i = 0; i < 20000; i++) {
         const double x = 40 * rng_uniform(&rng) - 20, y = 2 * rng_uniform(&rng) - 1;
-        const double values[] = {portable_exp(x),  portable_log(fabs(x)), portable_sin(x),         portable_cos(x),
-                                 portable_tan(x),  portable_atan2(y, x),  portable_asin(y),        portable_acos(y),
-                                 portable_atan(x), portable_hypot(x, y),  portable_pow(fabs(y), x)};
+        const double values[] = {portable_exp(x), portable_log(fabs(x)), portable_sin(x),         portable_cos(x),
+                                 portable_tan(x), portable_atan2(y, x),  portable_asin(y),        portable_acos(y),
+                                 atan_of(x),      portable_hypot(x, y),  portable_pow(fabs(y), x)};
         for (size_t k = 0; k < COUNT_OF(values); k++) {
             uint64_t bits;
             memcpy(&bits, &values[k], sizeof bits);

@@ -65,7 +65,7 @@ static enum status grow_take(const char *path, int frames, struct bench_curve ti
         status = take_skeletons_open(&skeletons, take);
     add_point(&time[2], frames, bench_all_threads_ms() - from_ms);
     if (status == OK)
-        add_point(index_bytes, frames, (double)take_index_bytes(take));
+        add_point(index_bytes, frames, (double)sizeof(struct take_entry) * (double)take_frame_count(take));
     take_skeletons_close(&skeletons);
     take_close(&take);
     recording_free(&r);

@@ -5,6 +5,7 @@
 #include "tests/support/copy_file.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
+#include "tests/support/single_file.h"
 #include "tests/support/sql.h"
 
 #define TAKE_BEHIND_NAME                                                                                               \

@@ -4,6 +4,7 @@
 #include "platform/files/file.h"
 #include "recording/recording_reader.h"
 #include "tests/support/recording_sample.h"
+#include "tests/support/single_file.h"
 
 #include <sys/stat.h>
 #include <sys/wait.h>

@@ -3,6 +3,7 @@
 #include "platform/files/file.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
+#include "tests/support/single_file.h"
 #include "tests/support/sql.h"
 
 #include <sys/stat.h>

@@ -4,6 +4,7 @@
 #include "recording/recording_schema.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
+#include "tests/support/single_file.h"
 
 #include <signal.h>
 #include <sys/mman.h>

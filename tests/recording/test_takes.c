@@ -6,6 +6,7 @@
 #include "tests/support/random.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
+#include "tests/support/single_file.h"
 #include "tests/support/sql.h"
 
 static struct recording *recording;

@@ -1,6 +1,5 @@
 // A camera's pose from points, its filter, its fusion with the map, its focal length, relocalisation.
 #include "base/linear_algebra.h"
-#include "locate/camera_tracker.h"
 #include "locate/focal_estimate.h"
 #include "locate/pose_fusion.h"
 #include "locate/relocalization.h"
@@ -189,15 +188,6 @@ static struct answer ask_focal(const double *in)
 // Nearer or longer: a plane does not say, and the distance is taken at its word.
 static struct answer focal_at_given_distance(const double *in) { return answer_value(in[1]); }
 
-static struct answer ask_extrapolate(const double *in)
-{
-    const struct camera_motion m = {
-        .time_ns = (int64_t)in[1], .world_from_camera = POSE_IDENTITY, .linear_velocity = {1, 0, 0}};
-    return answer_value(camera_motion_at(&m, (int64_t)in[0]).translation.x);
-}
-
-static struct answer extrapolate_all_the_way(const double *in) { return answer_value((in[0] - in[1]) * 1e-9); }
-
 static const struct stability_case cases[] = {
     {"pose's covariance from 40 points on a line", "Cholesky's pivots", ANSWER_UNKNOWN, ask_covariance, NULL,
      covariance_by_elimination, .in = {COLLINEAR, 40}, .unit = "m"},
@@ -237,10 +227,5 @@ static const struct stability_case cases[] = {
      .in = {NAN}, .unit = "m"},
     {"focal length from a plane parallel to the image", "curvature is the information", ANSWER_UNKNOWN, ask_focal, NULL,
      focal_at_given_distance, .in = {COPLANAR, 1.1}},
-    {"a camera's pose an hour after its last image", "a tenth of a second at most", ANSWER_VALUE, ask_extrapolate, NULL,
-     extrapolate_all_the_way, .in = {3.6e12, 0}, .exact = {0.1}, .exact_count = 1, .tolerance = 1e-15, .unit = "m"},
-    {"a camera's pose 500 years after its last image", "a difference that cannot overflow", ANSWER_VALUE,
-     ask_extrapolate, NULL, extrapolate_all_the_way, .in = {9e18, -9e18}, .exact = {0.1}, .exact_count = 1,
-     .tolerance = 1e-15, .unit = "m"},
 };
 const struct stability_stage stability_camera = {"camera's pose", cases, COUNT_OF(cases)};

@@ -36,7 +36,7 @@ static struct answer log_by_halves(const double *in)
     return answer_value(k * 0x1.62e42fefa39efp-1 + portable_log(m));
 }
 
-static struct answer by_quotient(const double *in) { return answer_value(portable_atan(in[0] / in[1])); }
+static struct answer by_quotient(const double *in) { return answer_value(portable_atan2(in[0] / in[1], 1)); }
 static struct answer acos_clamped(const double *in) { return answer_value(portable_acos(fmin(1, in[0]))); }
 static struct answer by_multiplying(const double *in)
 {

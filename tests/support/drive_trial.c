@@ -75,7 +75,7 @@ static double apart(struct vec3 a, struct vec3 b) { return portable_hypot(a.x - 
 
 static enum status look_from(struct driver *d, struct pose eye)
 {
-    const enum status status = simulated_rover_draw(d->rover, eye);
+    const enum status status = surroundings_draw(&d->rover->surroundings, eye);
     const struct surround_view *v = &d->rover->surroundings.view;
     for (int y = 0; y < v->lens.height; y++)
         for (int x = 0; x < v->lens.width && status == OK; x++) {
@@ -450,7 +450,7 @@ enum status drive_trial_approach(struct simulated_rover *r, double *clearance_m)
     for (int i = 0; status == OK && i < MAX_STEPS && !r->touched; i++) {
         const struct pose body = simulated_rover_pose(r);
         struct nearest_thing thing;
-        status = simulated_rover_draw(r, operator_viewpoint(VIEWPOINT_ABOVE, body, r->options.size_m));
+        status = surroundings_draw(&r->surroundings, operator_viewpoint(VIEWPOINT_ABOVE, body, r->options.size_m));
         if (status != OK)
             break;
         const bool seen = nearest_in_view(&r->surroundings.view, body, r->options.size_m, 0.1, &thing) == OK;

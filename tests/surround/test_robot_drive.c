@@ -204,7 +204,8 @@ static void test_overlay(void **state)
     rover_stage_world(3, &world, &start);
     assert_int_equal(simulated_rover_open(&rover, &world, start, &options), OK);
     const struct surround_view *view = &rover.surroundings.view;
-    assert_int_equal(simulated_rover_draw(&rover, operator_viewpoint(VIEWPOINT_THIRD, start, options.size_m)), OK);
+    assert_int_equal(surroundings_draw(&rover.surroundings, operator_viewpoint(VIEWPOINT_THIRD, start, options.size_m)),
+                     OK);
     const size_t bytes = (size_t)view->lens.width * (size_t)view->lens.height * 3;
     uint8_t *before = malloc(bytes);
     memcpy(before, view->rgb, bytes);
@@ -313,7 +314,7 @@ static void ride(struct simulated_rover *r, bool threads)
         assert_int_equal(simulated_rover_step(r, (struct drive_command){0.31, 0.05}, 2), OK);
         const struct pose eye = operator_viewpoint(VIEWPOINT_THIRD, simulated_rover_pose(r), options.size_m);
         for (int k = 0; k < 2000 && r->surroundings.taken < i + 2; k++) { // drawing never waits for a capture
-            assert_int_equal(simulated_rover_draw(r, eye), OK);
+            assert_int_equal(surroundings_draw(&r->surroundings, eye), OK);
             if (threads)
                 clock_sleep_until_ns(clock_now_ns() + 10000000);
         }

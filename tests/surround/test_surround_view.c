@@ -428,7 +428,7 @@ static void test_a_black_panorama(void **state)
     struct depth_points none = {0};
     assert_int_equal(surround_picture_make(&black, calloc(128 * 256, 3), 256, 128, NULL), OK);
     assert_int_equal(surroundings_take(r, &black, &none, POSE_IDENTITY), OK);
-    assert_int_equal(simulated_rover_draw(&rover, room_camera(0, 0, 1.2)), OK);
+    assert_int_equal(surroundings_draw(&rover.surroundings, room_camera(0, 0, 1.2)), OK);
     int dark = 0, drawn = 0;
     for (int i = 0; i < 160 * 120; i++) {
         drawn += r->view.source[i] != SOURCE_UNSEEN;
