@@ -1,5 +1,5 @@
-// Scratch memory of the depth and mask codecs.
-#include "recording/codec_internal.h"
+// Scratch memory of the depth and mask codecs (depth_codec.c), whose parts all grow it.
+#include "recording/depth_pixels.h"
 
 #include <stdlib.h>
 

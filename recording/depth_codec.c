@@ -4,13 +4,180 @@
 // Blocks of a row that are all holes or all as predicted are coded as one number.
 #include "recording/depth_codec.h"
 
-#include "recording/depth_earlier.h"
 #include "recording/depth_pixels.h"
 #include "recording/little_endian.h"
 #include "recording/rans_coder.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- images of earlier versions
+
+// Decoding of the depth images that earlier versions wrote (methods 1 and 2 of docs/format.md). Internal to the depth
+// codec.
+
+enum { DEPTH_EARLIER_CONTEXTS = 73 };
+
+enum { FLAT_MISS = 71, FLAT_RUN = 72 }; // contexts
+
+struct earlier_reader {
+    const struct rans_coder *rans; // its tables
+    const uint8_t *bit, *bit_end, *word, *word_end;
+    uint64_t held_bits;
+    int held, states;
+    uint32_t state[2]; // [0]: of the next number
+};
+
+static bool start(struct earlier_reader *in, const struct depth_code *code)
+{
+    in->bit = code->bytes;
+    in->bit_end = in->word = code->bytes + code->first_count;
+    in->word_end = code->bytes + code->count;
+    const ptrdiff_t words = in->word_end - in->word;
+    if (words < 4 * in->states || words % 2)
+        return false;
+    for (int i = 0; i < in->states; i++)
+        in->state[i] = get_u32(&in->word);
+    for (int i = 0; i < in->states; i++)
+        if (in->state[i] < RANS_LOW || in->state[i] >= (uint32_t)RANS_LOW << 16)
+            return false;
+    return true;
+}
+
+static bool is_done(const struct earlier_reader *in)
+{
+    return in->bit == in->bit_end && in->word == in->word_end && !in->held_bits && in->state[0] == RANS_LOW &&
+           in->state[in->states - 1] == RANS_LOW;
+}
+
+static bool pull_bits(struct earlier_reader *in, uint32_t symbol, uint32_t *number)
+{
+    const int remaining = (int)(symbol - RANS_PLAIN) / 2 + 2;
+    for (; in->held < remaining; in->held += 8) {
+        if (in->bit == in->bit_end)
+            return false;
+        in->held_bits |= (uint64_t)*in->bit++ << in->held;
+    }
+    *number = (2 + (symbol & 1)) << remaining | (uint32_t)(in->held_bits & ((UINT64_C(1) << remaining) - 1));
+    in->held_bits >>= remaining;
+    in->held -= remaining;
+    return true;
+}
+
+static bool pull(struct earlier_reader *in, int context, uint32_t *number)
+{
+    uint32_t state = in->state[0];
+    const uint32_t slot = state & (RANS_SUM - 1);
+    const struct rans_share *share = in->rans->context[context].shares;
+    *number = 0;
+    while (slot >= share[1].start) {
+        share++;
+        ++*number;
+    }
+    state = share->frequency * (state >> RANS_BITS) + slot - share->start;
+    if (state < RANS_LOW) {
+        if (in->word == in->word_end)
+            return false;
+        state = state << 16 | get_u16(&in->word);
+    }
+    in->state[0] = in->states > 1 ? in->state[1] : state;
+    in->state[in->states - 1] = state;
+    return *number < RANS_PLAIN || pull_bits(in, *number, number);
+}
+
+// Rows of width + 2 pixels, the first left of the image.
+struct earlier_rows {
+    int *level, *filled, *level_above, *filled_above;
+};
+
+static int slope_of(int difference, int noise)
+{
+    const int edge = 3 * noise + 1;
+    return (difference > noise) + (difference > edge) - (difference < -noise) - (difference < -edge);
+}
+
+static void set_pixel(struct earlier_rows *rows, int x, int level, int fill)
+{
+    rows->level[x] = level;
+    rows->filled[x] = fill;
+}
+
+// run: the remaining pixels of a run; -1: not read yet
+static bool decode_row(struct earlier_reader *in, struct earlier_rows *rows, const struct depth_layout *layout,
+                       int64_t *run)
+{
+    const int max = layout->levels ? layout->levels : 65536;
+    for (int x = 1; x <= layout->width; x++) {
+        const int *above = rows->level_above + x, *fills = rows->filled_above + x;
+        const int left = rows->level[x - 1], fill = rows->filled[x - 1];
+        int context = FLAT_MISS, sign = 1;
+        uint32_t number;
+        if (left == above[0] && left == above[-1] && left == above[1]) {
+            if (*run < 0) {
+                if (!pull(in, FLAT_RUN, &number))
+                    return false;
+                *run = number;
+            }
+            if ((*run)-- > 0) {
+                set_pixel(rows, x, left, fill);
+                continue;
+            }
+        } else {
+            const int holes = (left == HOLE) + 2 * (above[0] == HOLE) + 4 * (above[1] == HOLE);
+            const int index = 25 * slope_of(fills[1] - fills[0], layout->noise) +
+                              5 * slope_of(fills[0] - fills[-1], layout->noise) +
+                              slope_of(fills[-1] - fill, layout->noise);
+            sign = index < 0 && !holes ? -1 : 1;
+            context = holes ? HOLE_CONTEXTS + holes : sign * index;
+        }
+        const int predicted = (int)depth_predict(fill, fills[0], fills[-1]);
+        if (!pull(in, context, &number))
+            return false;
+        const int m = (int)number - 1, level = number ? predicted + sign * (m % 2 ? -(m + 1) / 2 : m / 2) : HOLE;
+        if (level < 0 || level >= max || (number && level == HOLE))
+            return false;
+        set_pixel(rows, x, level, number ? level : predicted);
+    }
+    return true;
+}
+
+static void next_row(struct earlier_rows *rows, int width)
+{
+    const struct earlier_rows old = *rows;
+    *rows = (struct earlier_rows){old.level_above, old.filled_above, old.level, old.filled};
+    rows->level[0] = rows->level_above[0] = rows->level_above[1];
+    rows->filled[0] = rows->filled_above[0] = rows->filled_above[1];
+    rows->level_above[width + 1] = rows->level_above[width];
+    rows->filled_above[width + 1] = rows->filled_above[width];
+}
+
+// The head has been read into c->rans and c->depth_of; the code's first part are the uncoded bits. states: 1 or 2.
+// NOTHING: the code is damaged. ERR_MEMORY.
+static enum status depth_decode_earlier(struct depth_coder *c, int states, const struct depth_code *code,
+                                        const struct depth_layout *l, uint16_t *depth)
+{
+    const size_t pixels = (size_t)l->width + 2, bytes = 4 * pixels * sizeof(int);
+    struct earlier_reader in = {.rans = c->rans, .states = states};
+    enum status status = depth_coder_grow(&c->rows, &c->rows_capacity, bytes);
+    if (status != OK)
+        return status;
+    if (!start(&in, code))
+        return NOTHING;
+    int *rows = (int *)(void *)c->rows; // aligned: from realloc
+    memset(rows, 0, bytes);
+    struct earlier_rows r = {rows, rows + pixels, rows + 2 * pixels, rows + 3 * pixels};
+    int64_t run = -1;
+    for (int y = 0; y < l->height; y++) {
+        next_row(&r, l->width);
+        if (!decode_row(&in, &r, l, &run))
+            return NOTHING;
+        for (int x = 0; x < l->width; x++)
+            *depth++ = c->depth_of[r.level[x + 1]];
+    }
+    return run <= 0 && is_done(&in) ? OK : NOTHING;
+}
+
+// ---------------------------------------------------------------- depth images
 
 enum status depth_coder_open(struct depth_coder **out)
 {
@@ -241,4 +408,80 @@ enum status depth_decode(struct depth_coder *c, const uint8_t *bytes, size_t cou
     for (size_t i = 0; i < n; i++)
         depth[i] = get_u16(&at);
     return OK;
+}
+
+// ---------------------------------------------------------------- masks
+
+// The mask codec: each pixel is compared with the one above it; the lengths of alternating runs of equal and different
+// pixels are stored as varints and compressed with zstd.
+
+enum { HEADER = 1 + 2 + 2 + 4, VERSION = 0 };
+
+// The end of a run: the first index in [from, n) at which "differs from the pixel above" is not `differs`; n: none.
+static size_t run_end(const uint8_t *mask, size_t from, size_t n, size_t width, bool differs)
+{
+    for (; from < n; from++) {
+        bool above = from >= width && mask[from - width], here = mask[from];
+        if ((here != above) != differs)
+            break;
+    }
+    return from;
+}
+
+enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, int height, const uint8_t **bytes,
+                        size_t *count)
+{
+    assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
+    size_t n = (size_t)width * (size_t)height, used = 0, packed;
+    bool differs = false;
+    for (size_t from = 0; from < n; differs = !differs) {
+        // The buffer doubles, so that a simple mask does not cost the memory of the worst one.
+        if (c->head_capacity < used + 5) {
+            enum status status = depth_coder_grow(&c->head, &c->head_capacity, 2 * used + 4096);
+            if (status != OK)
+                return status;
+        }
+        size_t end = run_end(mask, from, n, (size_t)width, differs);
+        used = (size_t)(put_varint(c->head + used, (uint32_t)(end - from)) - c->head);
+        from = end;
+    }
+    size_t bound = compress_bound(used);
+    enum status status = depth_coder_grow(&c->out, &c->out_capacity, HEADER + bound);
+    if (status == OK)
+        status = compress_bytes(c->compressor, 3, c->head, used, c->out + HEADER, &packed);
+    if (status != OK)
+        return status;
+    put_u32(put_u16(put_u16(put_u8(c->out, VERSION), (uint16_t)width), (uint16_t)height), (uint32_t)used);
+    *bytes = c->out;
+    *count = HEADER + packed;
+    return OK;
+}
+
+enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint8_t *mask, int width, int height)
+{
+    assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
+    size_t n = (size_t)width * (size_t)height, w = (size_t)width;
+    const uint8_t *at = bytes + 1;
+    if (count < HEADER || bytes[0] != VERSION)
+        return fail(ERR_CORRUPT, "a mask's code is damaged");
+    int coded_width = get_u16(&at), coded_height = get_u16(&at);
+    uint32_t used = get_u32(&at);
+    if (coded_width != width || coded_height != height || used > 2 * n + 5)
+        return fail(ERR_CORRUPT, "a mask's code is damaged or of another size");
+    enum status status = depth_coder_grow(&c->head, &c->head_capacity, used + (size_t)1);
+    if (status == OK)
+        status = decompress_bytes(c->compressor, at, count - HEADER, c->head, used);
+    if (status != OK)
+        return status;
+    const uint8_t *end = c->head + used;
+    at = c->head;
+    size_t i = 0;
+    for (uint8_t differs = 0; i < n; differs = !differs) {
+        uint32_t run;
+        if (!get_varint(&at, end, &run) || run > n - i)
+            return fail(ERR_CORRUPT, "a mask's code is damaged");
+        for (size_t stop = i + run; i < stop; i++)
+            mask[i] = (i >= w ? mask[i - w] : 0) ^ differs;
+    }
+    return at == end ? OK : fail(ERR_CORRUPT, "a mask's code is damaged");
 }

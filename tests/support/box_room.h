@@ -1,7 +1,7 @@
 // A room with a box in it, panoramas of it with true depth, and what a view truly sees, all by ray casting. World: x
 // ahead, y left, z up.
 #pragma once
-#include "surround/drive/box_world.h"
+#include "surround/drive/simulated_rover.h"
 #include "surround/view/surround_view.h"
 
 enum { ROOM_HEIGHT = 256, ROOM_WIDTH = 2 * ROOM_HEIGHT, ROOM_PICTURES = 3 };

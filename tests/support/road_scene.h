@@ -3,7 +3,7 @@
 // plain detector of white lines. World: x along the road, y left, z up; the lane's middle is y = 0.
 #pragma once
 #include "surround/depth/depth_seeds.h"
-#include "surround/drive/box_world.h"
+#include "surround/drive/simulated_rover.h"
 #include "surround/view/surround_view.h"
 
 enum { ROAD_PANORAMAS = 6, ROAD_HEIGHT = 384 /* of a panorama */ };
