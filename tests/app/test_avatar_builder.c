@@ -93,11 +93,13 @@ static void test_kept_avatar_is_the_same(void **state)
     EXPECT_AT_LEAST(a.simple_points, 1000);
     EXPECT_INT(b.simple_points, 0);
     expect_same(&a.avatar, &b.avatar);
-    struct avatar made;
-    const struct avatar_options options = avatar_default_options();
-    EXPECT_STATUS(avatar_make(&made, rehearsed.take, rehearsed.rays, &options), OK);
-    expect_same(&a.avatar, &made);
-    avatar_free(&made);
+    if (!SANITIZED) { // no thread takes part in it
+        struct avatar made;
+        const struct avatar_options options = avatar_default_options();
+        EXPECT_STATUS(avatar_make(&made, rehearsed.take, rehearsed.rays, &options), OK);
+        expect_same(&a.avatar, &made);
+        avatar_free(&made);
+    }
     avatar_free(&a.avatar);
     avatar_free(&b.avatar);
 }
@@ -105,7 +107,7 @@ static void test_kept_avatar_is_the_same(void **state)
 static void test_cancel_at_any_moment(void **state)
 {
     (void)state;
-    for (int ms = 0; ms < 500; ms = 2 * ms + 1) {
+    for (int ms = 0; ms < 500; ms = (SANITIZED ? 8 : 2) * ms + 1) {
         atomic_int news = 0;
         struct avatar_builder *p;
         const struct avatar_builder_options options = {rehearsed.rehearsal.file, rehearsed.take, count, &news};

@@ -14,7 +14,7 @@ enum { WIDTH = 640, HEIGHT = 480, HERE = 5, THERE = 6, IMAGES = HERE + THERE, SW
 #ifdef EMULATED
 enum { FIRST_JUMP = 1, ALWAYS = 4, LATER = 10 };
 #else
-enum { FIRST_JUMP = 0, ALWAYS = 6, LATER = 3 };
+enum { FIRST_JUMP = SANITIZED, ALWAYS = SANITIZED ? 4 : 6, LATER = SANITIZED ? 10 : 3 };
 #endif
 static const int64_t EACH_NS = 33333333;
 static const double JUMP_S = 4; // of the visitor's walk

@@ -16,7 +16,7 @@ enum { FRAMES_FOR_AVATAR = 1 };
 #ifdef EMULATED
 enum { LATER = 20 };
 #else
-enum { LATER = 2 };
+enum { LATER = SANITIZED ? 20 : 2 };
 #endif
 
 static struct rehearsed rehearsed;

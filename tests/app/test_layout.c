@@ -15,7 +15,7 @@ enum { SHEETS = 5, STATES = SHEETS * 16 * 2 };
 #ifdef EMULATED
 enum { SHARE = 4, WAYS_UP = 1, SHOWN = 2 };
 #else
-enum { SHARE = 2, WAYS_UP = 2, SHOWN = 4 };
+enum { SHARE = SANITIZED ? 4 : 2, WAYS_UP = SANITIZED ? 1 : 2, SHOWN = SANITIZED ? 2 : 4 };
 #endif
 
 // State number n: each sheet, with and without the inset, the sources, the frame graph, moving, and the map.

@@ -19,10 +19,10 @@
 enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT };
 
 // Less where the CPU is emulated or watched.
-#if defined EMULATED
+#ifdef EMULATED
 enum { SHARE = 4 };
 #else
-enum { SHARE = 2 };
+enum { SHARE = SANITIZED ? 4 : 2 };
 #endif
 
 static struct rehearsal rehearsal;

@@ -25,8 +25,8 @@ enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT };
 enum { SHARE = 4, WAYS_UP = 1 };
 static const double FINEST_DPI = 220;
 #else
-enum { SHARE = 2, WAYS_UP = 2 };
-static const double FINEST_DPI = 300;
+enum { SHARE = SANITIZED ? 4 : 2, WAYS_UP = SANITIZED ? 1 : 2 };
+static const double FINEST_DPI = SANITIZED ? 220 : 300;
 #endif
 
 static struct rehearsal rehearsal;

@@ -125,7 +125,8 @@ static void test_share_of_the_surface(void **state)
     (void)state;
     static struct coverage coverage;
     double worst = 0, sum = 0, slowest_ms = 0;
-    for (size_t i = 0; i < COUNT_OF(films); i++) {
+    int count = 0;
+    for (size_t i = 0; i < COUNT_OF(films); i += SANITIZED ? 4 : 1, count++) {
         double truth;
         film_case_run(&films[i], &coverage, &truth, &slowest_ms);
         const double share = coverage_share(&coverage);
@@ -134,8 +135,7 @@ static void test_share_of_the_surface(void **state)
         worst = fmax(worst, fabs(share - truth));
         sum += fabs(share - truth);
     }
-    printf("worst %.1f points, mean %.1f; slowest frame %.2f ms\n", worst * 100, sum / COUNT_OF(films) * 100,
-           slowest_ms);
+    printf("worst %.1f points, mean %.1f; slowest frame %.2f ms\n", worst * 100, sum / count * 100, slowest_ms);
     EXPECT_AT_MOST(worst, 0.05);
 }
 
@@ -145,7 +145,7 @@ static void test_share_as_tracked(void **state)
     (void)state;
     static const struct film_case tracked[] = {{"man", "still", 1}, {"woman", "pirouette", 1}, {"man", "kata", 0.5}};
     static struct coverage coverage;
-    for (size_t i = 0; i < COUNT_OF(tracked); i++) {
+    for (size_t i = 0; i < COUNT_OF(tracked); i += SANITIZED ? COUNT_OF(tracked) : 1) {
         struct tracked_film f;
         struct truth t = {0};
         tracked_film_open(&f, tracked[i].figure, tracked[i].motion);

@@ -12,7 +12,7 @@
 #ifdef EMULATED
 enum { FRAMES = 4 };
 #else
-enum { FRAMES = 11 };
+enum { FRAMES = SANITIZED ? 8 : 11 };
 #endif
 static const double SCALE = 1; // a tag on the far wall is 15 pixels wide
 

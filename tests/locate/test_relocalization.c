@@ -306,7 +306,7 @@ static void test_guessed_focal_length_is_estimated(void **state)
     (void)state;
     enum { ROUNDS = 3 };
     const double guessed[] = {0.8, 1.25};
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i += SANITIZED ? 3 : 1) {
         struct lens lens = room.lens;
         struct place place = room.place;
         struct locator *l;

@@ -11,7 +11,8 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-enum { KILLS = 50, AT_ONCE = 10, FRAME_NS = 33333333, MUTATIONS = 80, CUTS = 40 };
+enum { AT_ONCE = 10, FRAME_NS = 33333333 };
+enum { KILLS = SANITIZED ? 20 : 50, MUTATIONS = SANITIZED ? 30 : 80, CUTS = SANITIZED ? 20 : 40 };
 
 static uint64_t seed;
 

@@ -3,11 +3,11 @@
 #include "capture/tracking/tracker.h"
 #include "tests/world/world.h"
 
-// Of similar cases tests take one in this many: under an emulator an image takes seconds.
+// Of similar cases tests take one in this many: under an emulator an image takes seconds, and sanitizers slow it down.
 #ifdef EMULATED
 enum { TRACKED_EACH = 3 };
 #else
-enum { TRACKED_EACH = 1 };
+enum { TRACKED_EACH = SANITIZED ? 3 : 1 };
 #endif
 
 struct tracked_film {

@@ -21,7 +21,7 @@ enum { WIDTH = 1280, HEIGHT = 800 };
 #ifdef EMULATED
 enum { ORIENTATIONS = 1 };
 #else
-enum { ORIENTATIONS = 2 };
+enum { ORIENTATIONS = SANITIZED ? 1 : 2 };
 #endif
 static const uint32_t ACCENT = 0x2dd4bf; // of the play button, dark theme
 
