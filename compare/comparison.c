@@ -1,14 +1,14 @@
 #include "compare/comparison.h"
 
-#include "base/threads.h"
 #include "compare/findings.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 // Prices of alignment.h as mean squared chords of a part's direction. A frame is left out at an end where it is more
-// than 32 degrees off in every part; cheaper, and what is wrong would be left out instead of judged (chosen
-// on UI-PRMD and KIMORE as score.h's constants). Getting into position is taken out afterwards (repetitions.h). A step
-// that only one movement takes costs what 8 degrees do; by hand.
+// than 32 degrees off in every part, means aside; cheaper, and what is wrong would be left out instead of judged.
+// Getting into position is taken out afterwards (repetitions.h). A step that only one movement takes costs what 8
+// degrees do. By hand.
 static const double SKIP = 0.3, STEP = 0.02;
 // By hand: B is taken for a mirror image if that fits to 0.75 of the price, and B itself is worse than 8 degrees off.
 static const double MIRROR_GAIN = 0.75, MIRROR_MIN = 0.02;
@@ -22,28 +22,9 @@ static double price_unit(uint16_t parts, const double *scale)
     return count * FEATURE_UNIT * FEATURE_UNIT;
 }
 
-static struct alignment_prices prices_for(uint16_t parts, const double *scale)
+static struct alignment_prices prices_of(double unit)
 {
-    const double unit = price_unit(parts, scale);
     return (struct alignment_prices){(int32_t)(SKIP * unit), (int32_t)(SKIP * unit), (int32_t)(STEP * unit)};
-}
-
-static enum status align_movements(const struct movement *a, const struct movement *b, uint16_t parts,
-                                   const double *scale, struct alignment *alignment, struct timeline *timeline)
-{
-    struct feature_frame *fa = NULL, *fb = NULL;
-    const struct alignment_prices prices = prices_for(parts, scale);
-    enum status status = movement_features(a, parts, scale, &fa);
-    if (status == OK)
-        status = movement_features(b, parts, scale, &fb);
-    const struct features features_a = {fa, a->count}, features_b = {fb, b->count};
-    if (status == OK)
-        status = align(&features_a, &features_b, &prices, alignment);
-    if (status == OK && timeline)
-        status = timeline_from_alignment(alignment, &features_a, &features_b, timeline);
-    free(fa);
-    free(fb);
-    return status;
 }
 
 static bool mean_direction(const struct movement *movement, int p, double mean[3])
@@ -81,34 +62,65 @@ static uint16_t telling_parts(const struct movement *a, const struct movement *b
     return count >= FEW ? telling : parts;
 }
 
-// Once with all parts at their full size, for the score; once with an equal say for each part that moves, for the
-// times.
-// One alignment for the score, one, in which each part has an equal say, for the timeline.
-struct both_alignments {
-    struct comparison *c;
-    uint16_t parts;
-    double scale[PART_COUNT];
-    struct alignment equal;
-    struct failure failure[2];
-};
-
-static void align_one(void *context, int which)
+// Takes B's mean direction of each part to A's: what is held otherwise all along must not decide which instants belong
+// together. Not further than 40 degrees, so that the numbers stay in their range.
+static void center_features(const struct movement *a, const struct movement *b, const double *scale,
+                            struct feature_frame *frames)
 {
-    struct both_alignments *both = context;
-    struct comparison *c = both->c;
-    failure_keep(&both->failure[which],
-                 which == 0 ? align_movements(&c->a, &c->judged, both->parts, NULL, &c->alignment, NULL)
-                            : align_movements(&c->a, &c->judged, both->parts, both->scale, &both->equal, &c->timeline));
+    const double most = 0.7;
+    for (int p = 0; p < PART_COUNT; p++) {
+        double x[3], y[3];
+        if (!mean_direction(a, p, x) || !mean_direction(b, p, y))
+            continue;
+        for (int k = 0; k < 3; k++) {
+            const int shift = (int)(fmax(-most, fmin(most, x[k] - y[k])) * scale[p] * FEATURE_UNIT);
+            for (int32_t f = 0; f < b->count; f++)
+                frames[f].number[3 * p + k] = (int16_t)(frames[f].number[3 * p + k] + shift);
+        }
+    }
 }
 
-static enum status align_both(struct comparison *comparison)
+// Both movements as feature frames in which each part that moves has about an equal say.
+static enum status make_features(struct comparison *comparison, double *unit, struct feature_frame *frames[2])
 {
-    struct both_alignments both = {.c = comparison,
-                                   .parts = telling_parts(&comparison->a, &comparison->judged, comparison->parts)};
-    movement_equal_say(&comparison->a, both.scale);
-    parallel_for(2, 2, align_one, &both);
-    alignment_free(&both.equal);
-    return failure_restore(&both.failure[both.failure[0].status == OK]);
+    const uint16_t parts = telling_parts(&comparison->a, &comparison->judged, comparison->parts);
+    double scale[PART_COUNT];
+    movement_equal_say(&comparison->a, scale);
+    *unit = price_unit(parts, scale);
+    enum status status = movement_features(&comparison->a, parts, scale, &frames[0]);
+    if (status == OK)
+        status = movement_features(&comparison->judged, parts, scale, &frames[1]);
+    for (int p = 0; p < PART_COUNT; p++)
+        scale[p] = parts >> p & 1 ? scale[p] : 0;
+    if (status == OK)
+        center_features(&comparison->a, &comparison->judged, scale, frames[1]);
+    return status;
+}
+
+// The alignment of the whole, its timeline, which repetitions belong together, and the timeline of these.
+static enum status align_all(struct comparison *comparison, struct timeline *repeated)
+{
+    struct feature_frame *frames[2] = {NULL, NULL};
+    double unit = 0;
+    enum status status = make_features(comparison, &unit, frames);
+    const struct features a = {frames[0], comparison->a.count}, b = {frames[1], comparison->judged.count};
+    const struct alignment_prices prices = prices_of(unit);
+    if (status == OK)
+        status = align(&a, &b, &prices, &comparison->alignment);
+    if (status == OK)
+        status = timeline_from_alignment(&comparison->alignment, &a, &b, &comparison->timeline);
+    if (status == OK)
+        status = timeline_from_alignment(&comparison->alignment, &a, &b, repeated);
+    struct performed sides[2] = {{&comparison->a, a, NULL}, {&comparison->judged, b, NULL}};
+    for (int k = 0; k < 2 && status == OK; k++)
+        status = movement_features(sides[k].movement, comparison->parts, NULL, &sides[k].plain);
+    if (status == OK)
+        status = performances_judge(sides, &prices, repeated, &comparison->repetitions);
+    for (int k = 0; k < 2; k++) {
+        free(frames[k]);
+        free(sides[k].plain);
+    }
+    return status;
 }
 
 enum { COARSE = 4 }; // every so manieth frame decides about mirroring
@@ -126,7 +138,7 @@ static enum status coarse_price(const struct movement *a, const struct movement 
 {
     struct feature_frame *fa = NULL, *fb = NULL;
     struct alignment x = {0};
-    const struct alignment_prices prices = prices_for(parts, NULL);
+    const struct alignment_prices prices = prices_of(price_unit(parts, NULL));
     enum status status = movement_features(a, parts, NULL, &fa);
     if (status == OK)
         status = movement_features(b, parts, NULL, &fb);
@@ -177,47 +189,205 @@ static enum status choose_side(struct comparison *comparison)
     return status;
 }
 
+// ---------------------------------------------------------------- relation
+
+const char *relation_name(enum relation relation)
+{
+    static const char *const names[] = {"same", "other", "moved", "still", "part"};
+    return names[relation];
+}
+
+// What a movement moves in the frames that the timeline uses, as a share of what it moves at all. used: [count].
+static double used_share(const struct movement *movement, const bool *used, uint16_t parts)
+{
+    double in = 0, all = 0;
+    for (int32_t f = 1; f < movement->count; f++) {
+        const struct movement_frame *x = &movement->frames[f - 1], *y = &movement->frames[f];
+        for (int p = 0; p < PART_COUNT; p++) {
+            if (!(parts & x->known & y->known & 1u << p))
+                continue;
+            double square = 0;
+            for (int k = 0; k < 3; k++) {
+                const double d = (double)y->direction[p][k] - x->direction[p][k];
+                square += d * d;
+            }
+            // Less than 6 degrees a second is noise.
+            const double step = fmax(0, sqrt(square) - 0.1 / MOVEMENT_RATE_HZ);
+            all += step;
+            in += used[f] ? step : 0;
+        }
+    }
+    return all > 0 ? in / all : 1;
+}
+
+static enum status measure_shares(struct comparison *comparison)
+{
+    const struct timeline *t = &comparison->timeline;
+    bool *used_a = calloc((size_t)comparison->a.count + 1, sizeof *used_a),
+         *used_b = calloc((size_t)t->count + 1, sizeof *used_b);
+    enum status status = used_a && used_b ? OK : fail(ERR_MEMORY, "no memory to compare movements");
+    for (int32_t f = 0, last = -1; f < t->count && status == OK; f++) {
+        used_b[f] = !isnan(t->reference[f]);
+        if (!used_b[f])
+            continue;
+        const int32_t at = (int32_t)(t->reference[f] + 0.5f);
+        // Between two frames of B that follow each other A's are used, too, but for a leap of more than half a second.
+        const int32_t from = last >= 0 && at > last && at - last < MOVEMENT_RATE_HZ / 2 ? last : at;
+        for (int32_t i = from; i <= at && i < comparison->a.count; i++)
+            used_a[i] = true;
+        last = at;
+    }
+    if (status == OK) {
+        comparison->judged_share[0] = used_share(&comparison->a, used_a, comparison->parts);
+        comparison->judged_share[1] = used_share(&comparison->judged, used_b, comparison->parts);
+    }
+    free(used_a);
+    free(used_b);
+    return status;
+}
+
+// By hand: below 4 degrees a movement is a hold, three times as much is none; holds of one posture are within 25
+// degrees. The correlation as docs/notes/comparing.md says: the least at which one in a hundred pairs of different
+// motions passes. At least half of what either moves has to be aligned.
+static const double STILL_RAD = 0.07, MOVED_FACTOR = 3, SAME_POSE_RAD = 0.44, MIN_CORRELATION = 0.4, MIN_SHARE = 0.5;
+
+static void set_relation(struct comparison *comparison)
+{
+    const struct likeness *l = &comparison->likeness;
+    const double a = l->moved_a_rad, b = l->moved_b_rad, *share = comparison->judged_share;
+    // Near a hold the correlation is that of noise: then the posture decides.
+    const bool still_a = a < STILL_RAD, still_b = b < STILL_RAD,
+               holds = (still_a || still_b) && fmax(a, b) <= MOVED_FACTOR * STILL_RAD;
+    const char *sentence = "";
+    char part[160];
+    enum relation relation = RELATION_SAME;
+    if (still_a && b > MOVED_FACTOR * STILL_RAD) {
+        relation = RELATION_MOVED;
+        sentence = "You moved, where the reference holds still";
+    } else if (still_b && a > MOVED_FACTOR * STILL_RAD) {
+        relation = RELATION_STILL;
+        sentence = "You held still, where the reference moves";
+    } else if (holds ? l->rms_rad > SAME_POSE_RAD : l->correlation < MIN_CORRELATION) {
+        relation = RELATION_OTHER;
+        sentence = holds ? "This is another posture" : "This is another movement";
+    } else if (share[0] < MIN_SHARE) {
+        relation = RELATION_PART;
+        snprintf(part, sizeof part, "Only a part was done: from %.1f s to %.1f s of the reference's %.1f s",
+                 comparison->pace.a_first / MOVEMENT_RATE_HZ, comparison->pace.a_end / MOVEMENT_RATE_HZ,
+                 comparison->a.count / MOVEMENT_RATE_HZ);
+        sentence = part;
+    } else if (share[1] < MIN_SHARE) {
+        relation = RELATION_PART;
+        snprintf(part, sizeof part, "Most of the attempt is something else: only %.1f s to %.1f s are the movement",
+                 comparison->pace.b_first / MOVEMENT_RATE_HZ, comparison->pace.b_end / MOVEMENT_RATE_HZ);
+        sentence = part;
+    }
+    comparison->relation = relation;
+    snprintf(comparison->relation_sentence, sizeof comparison->relation_sentence, "%s", sentence);
+}
+
+// ---------------------------------------------------------------- judging
+
+// The whole as one performance.
+static void judge_whole(struct comparison *comparison)
+{
+    struct pair_sums sums = {.carried = {{0}}};
+    pair_sums_add(&sums, &comparison->a, &comparison->judged, &comparison->alignment);
+    noise_sums_add(sums.noise[0], &comparison->a, 0, comparison->a.count);
+    noise_sums_add(sums.noise[1], &comparison->judged, 0, comparison->judged.count);
+    comparison->terms = score_posture(&sums, NULL);
+    comparison->likeness = likeness_of(&sums);
+}
+
+static void charge_times(struct comparison *comparison)
+{
+    const struct pace *pace = &comparison->pace;
+    const double a = pace->a_end - pace->a_first + pace->missing, b = pace->b_end - pace->b_first;
+    comparison->terms.missing_share = fmin(1, pace->missing / fmax(1, a));
+    comparison->terms.extra_share = fmin(1, pace->extra / fmax(1, b));
+}
+
+// Frames of both that lie in pieces and pauses, as a share.
+static double spare_share(const struct comparison *comparison)
+{
+    const struct pace *pace = &comparison->pace;
+    double spare = 0;
+    for (int32_t k = 0; k < pace->piece_count; k++)
+        spare += pace->pieces[k].a_end - pace->pieces[k].a_first + pace->pieces[k].b_end - pace->pieces[k].b_first;
+    return spare / (comparison->a.count + comparison->judged.count);
+}
+
+// Do the repetitions, as they were found, say no more than the whole? They do not where the whole is more alike, or
+// where there are more or fewer of them, and yet the whole has nothing to spare. Costs as in score.h; by hand.
+static bool whole_is_enough(const struct comparison *comparison, const struct score_terms *repeated)
+{
+    const double margin = 0.02, nearly_all = 0.8, little = 0.2;
+    const double whole = comparison->terms.posture;
+    const bool nothing_spare = comparison->judged_share[0] > nearly_all && comparison->judged_share[1] > nearly_all &&
+                               spare_share(comparison) < little;
+    if (!nothing_spare)
+        return false;
+    return whole + margin < repeated->posture ||
+           (comparison->repetitions.count != comparison->repetitions.reference_count &&
+            whole < repeated->posture + margin);
+}
+
+// The repetitions together: of these there may be more or fewer, with rests between them, which says nothing of how
+// well they are done.
+static enum status judge_repetitions(struct comparison *comparison, struct timeline *repeated)
+{
+    struct performances *all = &comparison->repetitions;
+    const struct score_terms terms = score_posture(&all->sums, all->reference_count >= 2 ? all->moved : NULL);
+    if (whole_is_enough(comparison, &terms)) {
+        performances_free(all);
+        all->reference_count = 1;
+        return OK;
+    }
+    const struct timeline swap = comparison->timeline;
+    comparison->timeline = *repeated;
+    *repeated = swap;
+    comparison->terms = terms;
+    comparison->likeness = likeness_of(&all->sums);
+    comparison->judged_share[0] = comparison->judged_share[1] = 1; // nearly: MIN_COVERED in repetitions.c
+    pace_free(&comparison->pace);
+    return pace_measure(&comparison->a, &comparison->judged, comparison->parts, &comparison->timeline, true,
+                        &comparison->pace);
+}
+
+static enum status measure_ranges(struct comparison *comparison)
+{
+    const struct pace *pace = &comparison->pace;
+    const enum status status = body_angle_ranges(&comparison->a, pace->a_first, pace->a_end, comparison->range_a);
+    return status == OK ? body_angle_ranges(&comparison->judged, pace->b_first, pace->b_end, comparison->range_b)
+                        : status;
+}
+
 static enum status judge_attempt(struct comparison *comparison)
 {
-    enum status status = align_both(comparison);
+    struct timeline repeated = {0};
+    enum status status = align_all(comparison, &repeated);
     if (status == OK)
-        status = pace_measure(&comparison->a, &comparison->judged, comparison->parts, &comparison->timeline,
+        status = pace_measure(&comparison->a, &comparison->judged, comparison->parts, &comparison->timeline, false,
                               &comparison->pace);
     if (status == OK)
-        status =
-            body_angle_ranges(&comparison->a, comparison->pace.a_first, comparison->pace.a_end, comparison->range_a);
+        status = measure_shares(comparison);
     if (status == OK)
-        status = body_angle_ranges(&comparison->judged, comparison->pace.b_first, comparison->pace.b_end,
-                                   comparison->range_b);
-    const struct alignment_prices prices = prices_for(comparison->parts, NULL);
+        judge_whole(comparison);
+    if (status == OK && comparison->repetitions.count)
+        status = judge_repetitions(comparison, &repeated);
+    timeline_free(&repeated);
     if (status == OK)
-        status = judge_repetitions(&comparison->a, &comparison->judged, comparison->parts, &prices,
-                                   &comparison->repetitions);
-    const struct score_scope scope = {0, comparison->judged.count,
-                                      comparison->repetitions.reference_count >= 2 ? comparison->repetitions.moved
-                                                                                   : NULL};
-    if (status == OK)
-        status = score_posture(&comparison->a, &comparison->judged, &comparison->alignment, &scope, &comparison->terms);
+        status = measure_ranges(comparison);
     if (status != OK)
         return status;
-    // Of repetitions there may be more or fewer, with rests between them: they say nothing of one performance's time.
-    // Each is judged against the one that it resembles most. That may be worse than the whole, where the cycles of the
-    // two begin at different places.
-    if (comparison->repetitions.count >= 2 && comparison->repetitions.reference_count >= 2) {
-        double mean = 0;
-        for (int32_t k = 0; k < comparison->repetitions.count; k++)
-            mean += comparison->repetitions.at[k].terms.posture_rad / comparison->repetitions.count;
-        comparison->terms.posture_rad = fmin(comparison->terms.posture_rad, mean);
-        comparison->score = score_from_terms(&comparison->terms);
-        return findings_make(comparison);
-    }
-    const double a = comparison->pace.a_end - comparison->pace.a_first + comparison->pace.missing,
-                 b = comparison->pace.b_end - comparison->pace.b_first;
-    comparison->terms.missing_share = fmin(1, comparison->pace.missing / fmax(1, a));
-    comparison->terms.extra_share = fmin(1, comparison->pace.extra / fmax(1, b));
-    comparison->terms.timing_s = comparison->pace.uneven_s;
+    if (!comparison->repetitions.count)
+        charge_times(comparison);
+    set_relation(comparison);
+    if (comparison->relation != RELATION_SAME)
+        return OK;
+    status = findings_make(comparison);
     comparison->score = score_from_terms(&comparison->terms);
-    return findings_make(comparison);
+    return status;
 }
 
 enum status comparison_make(struct movement *a, struct movement *b, struct comparison *out)
@@ -245,7 +415,7 @@ void comparison_free(struct comparison *comparison)
     alignment_free(&comparison->alignment);
     timeline_free(&comparison->timeline);
     pace_free(&comparison->pace);
-    judged_repetitions_free(&comparison->repetitions);
+    performances_free(&comparison->repetitions);
     free(comparison->findings);
     *comparison = (struct comparison){0};
 }

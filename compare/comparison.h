@@ -6,15 +6,33 @@
 
 enum finding_kind { FINDING_POSTURE, FINDING_RANGE, FINDING_TIMING, FINDING_MISSING, FINDING_EXTRA, FINDING_MIRRORED };
 
-// What a teacher would say. Times are B's, except of a missing piece, where they are the reference's.
+// Which sides of the body a finding is about, as the attempt's own.
+enum body_side { SIDE_NONE, SIDE_LEFT, SIDE_RIGHT, SIDE_BOTH };
+
+// What a teacher would say, of one cause. Times are B's, except of a missing piece, where they are the reference's.
 struct finding {
     enum finding_kind kind;
-    const char *part; // a part's name, or "body"
+    const char *part; // a part's name, or "body"; of several parts the one that differs most
+    uint16_t parts;   // all that it is about, as judged; 0: the whole body
+    enum body_side side;
+    const char *noun; // "elbow", or NULL: the sentence says all
     double from_s, to_s;
-    double amount;    // signed as the sentence says
-    const char *unit; // "deg", "s", "%", "times"
-    double weight;    // for the order: worst first
+    double amount;      // signed as the sentence says
+    const char *unit;   // "deg", "s", "%", "times"
+    double cost;        // 0..1, beside what the parts' deviations cost (score.h)
+    double loss;        // points of 100 that the score loses by it, worst first
+    bool timed;         // the sentence says from when to when
+    char predicate[96]; // behind the noun
     char sentence[160];
+};
+
+// Whether the two are the same movement at all; only then there is a score.
+enum relation {
+    RELATION_SAME,
+    RELATION_OTHER, // another movement
+    RELATION_MOVED, // the reference holds still, the attempt moves
+    RELATION_STILL, // the reference moves, the attempt holds still
+    RELATION_PART   // only a part of the reference was done, or much was done beside it
 };
 
 struct comparison {
@@ -25,13 +43,19 @@ struct comparison {
     struct alignment alignment; // of a and judged
     struct timeline timeline;
     struct pace pace;
-    struct judged_repetitions repetitions;
+    struct performances repetitions;
+    struct likeness likeness; // mean over the repetitions
+    double judged_share[2];   // of what A moves, of what B moves: how much lies in what is aligned
+    enum relation relation;
+    char relation_sentence[160]; // of what is not the same; else ""
     struct score_terms terms;
-    double score;
-    struct finding *findings; // malloc'ed, worst first
+    double score;             // 0 where the relation is not RELATION_SAME: it says nothing then
+    struct finding *findings; // malloc'ed, worst first; none where the relation is not RELATION_SAME
     int32_t finding_count;
     struct angle_range range_a[BODY_ANGLES], range_b[BODY_ANGLES]; // over what is aligned; B's as judged
 };
+
+const char *relation_name(enum relation relation); // "same", "other", "moved", "still", "part"
 
 // Takes over both movements, also on failure. ERR_INPUT: no part is known in both. ERR_MEMORY. On failure *out is
 // zeroed. Pure; two threads may compare at the same time.

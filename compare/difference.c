@@ -51,6 +51,15 @@ static bool chest_axes(const struct movement_frame *frame, double m[3][3], doubl
     return v3_length(across) > 0.5;
 }
 
+bool chest_from_upright(const struct movement_frame *frame, struct quat *rotation)
+{
+    double m[3][3], sigma;
+    if (!chest_axes(frame, m, &sigma))
+        return false;
+    *rotation = quat_conjugate(quat_from_matrix(m));
+    return true;
+}
+
 // The rotation that takes A's chest to B's; by the trunk's direction alone where the shoulders are unknown.
 static struct quat chest_rotation(const struct movement_frame *a, const struct movement_frame *b, double *variance)
 {

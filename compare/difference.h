@@ -66,6 +66,10 @@ extern const struct body_joint body_joints[BODY_JOINTS];
 bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *joint,
                       double difference[3], double *sigma);
 
+// The rotation from the upright frame into the chest's: across (to the left), ahead, along the trunk. False: the trunk
+// or the shoulders are unknown.
+bool chest_from_upright(const struct movement_frame *frame, struct quat *rotation);
+
 struct limb_shift {
     int8_t frames; // of A, to be added to the timeline
     bool late;

@@ -142,10 +142,15 @@ double finding_worst_s(const struct comparison *comparison, const struct finding
 
 // Findings about time as a whole: what is missing or added, pauses, pace, repetitions, the side.
 
-// A second longer or shorter counts as 20 degrees do for a second: a pause that is hardly noticed comes last. By hand.
-#define PAUSE_WEIGHT 20
+// Frames, by hand: pauses so near each other are one, and what remains of it is said from so many on.
+enum { SAME_REST = 15, MIN_NET = 10 };
 
-enum { MIN_REST = 18, SAME_REST = 15, MIN_NET = 10 }; // frames; by hand
+// By hand: what a finding costs at most beside the deviations of its parts, which are means over the whole movement.
+static const double FINDING_COST = 0.25, TIMING_SPREAD_S = 1;
+
+static double robust_cost(double z) { return z * z / (1 + z * z); }
+
+static double timing_cost(double seconds) { return FINDING_COST * robust_cost(seconds / TIMING_SPREAD_S); }
 
 static double frames_to_seconds(double frames) { return frames / MOVEMENT_RATE_HZ; }
 
@@ -183,7 +188,6 @@ static enum status of_piece(struct comparison *comparison, const struct piece *p
         f.from_s = frames_to_seconds(piece->a_first);
         f.to_s = frames_to_seconds(piece->a_end);
         f.amount = a_s;
-        f.weight = 60 + 20 * a_s;
         if (turn)
             snprintf(f.sentence, sizeof f.sentence, "The %s turn is missing",
                      ordinal_word(which_turn(&comparison->a, piece->a_end)));
@@ -193,20 +197,19 @@ static enum status of_piece(struct comparison *comparison, const struct piece *p
     case PIECE_EXTRA:
         f.kind = FINDING_EXTRA;
         f.amount = b_s;
-        f.weight = 40 + 15 * b_s;
         snprintf(f.sentence, sizeof f.sentence, turn ? "A turn too many" : "%.1f s that the reference does not have",
                  b_s);
         break;
     case PIECE_PAUSE:
         f.kind = FINDING_TIMING;
         f.amount = b_s - a_s;
-        f.weight = PAUSE_WEIGHT * f.amount;
+        f.cost = timing_cost(f.amount);
         snprintf(f.sentence, sizeof f.sentence, "You paused for %.1f s", f.amount);
         break;
     case PIECE_PAUSE_SKIPPED:
         f.kind = FINDING_TIMING;
         f.amount = b_s - a_s;
-        f.weight = -PAUSE_WEIGHT * f.amount;
+        f.cost = timing_cost(f.amount);
         snprintf(f.sentence, sizeof f.sentence, "The pause is %.1f s too short", -f.amount);
         break;
     }
@@ -215,58 +218,37 @@ static enum status of_piece(struct comparison *comparison, const struct piece *p
 
 static enum status of_pace(struct comparison *comparison)
 {
-    const double percent = 100 * (comparison->pace.ratio - 1);
-    if (!(comparison->pace.ratio > 0) || fabs(percent) < 12 || comparison->pace.b_end - comparison->pace.b_first < 30)
+    const double ratio = comparison->pace.ratio;
+    if (!(ratio > 0) || fabs(ratio - 1) < 0.12 || comparison->pace.b_end - comparison->pace.b_first < 30)
         return OK;
-    struct finding f = {FINDING_TIMING,
-                        "body",
-                        frames_to_seconds(comparison->pace.b_first),
-                        frames_to_seconds(comparison->pace.b_end),
-                        percent,
-                        "%",
-                        fabs(percent) / 4,
-                        ""};
-    snprintf(f.sentence, sizeof f.sentence, "You were %.0f %% %s", fabs(percent),
-             percent > 0 ? "too fast" : "too slow");
+    struct finding f = {.kind = FINDING_TIMING,
+                        .part = "body",
+                        .from_s = frames_to_seconds(comparison->pace.b_first),
+                        .to_s = frames_to_seconds(comparison->pace.b_end),
+                        .amount = 100 * (ratio - 1),
+                        .unit = "%"};
+    if (ratio > 1)
+        snprintf(f.sentence, sizeof f.sentence, "You were %.1f times as fast", ratio);
+    else
+        snprintf(f.sentence, sizeof f.sentence, "You took %.1f times as long", 1 / ratio);
     return finding_add(comparison, &f, false);
 }
 
-// Frames of one movement that the alignment could not use: pieces, pauses and what is before and after.
-static int32_t count_unused_frames(const struct comparison *comparison, bool of_a)
-{
-    const struct pace *p = &comparison->pace;
-    int32_t sum = of_a ? p->a_first + comparison->a.count - p->a_end : p->b_first + comparison->judged.count - p->b_end;
-    for (int32_t k = 0; k < p->piece_count; k++) {
-        const struct piece *piece = &p->pieces[k];
-        if (of_a ? piece->kind == PIECE_MISSING || piece->kind == PIECE_PAUSE_SKIPPED
-                 : piece->kind == PIECE_EXTRA || piece->kind == PIECE_PAUSE)
-            sum += of_a ? piece->a_end - piece->a_first : piece->b_end - piece->b_first;
-    }
-    return sum;
-}
-
-// Repetitions are too few or too many only where the alignment, too, has half a repetition to spare.
-static enum status of_repetitions(struct comparison *comparison, bool *said)
+// More or fewer repetitions than the reference, where that holds several.
+static enum status of_repetitions(struct comparison *comparison)
 {
     const int32_t wanted = comparison->repetitions.reference_count, got = comparison->repetitions.count;
-    *said = false;
-    if (wanted < 2 || got < 2 || wanted == got)
+    if (wanted < 2 || !got || wanted == got)
         return OK;
     const int32_t off = abs(wanted - got);
-    const int32_t length =
-        (got < wanted ? comparison->a.count : comparison->judged.count) / (got < wanted ? wanted : got);
-    if (2 * count_unused_frames(comparison, got < wanted) < length)
-        return OK;
     struct finding f = {.kind = got < wanted ? FINDING_MISSING : FINDING_EXTRA,
                         .part = "body",
                         .to_s = frames_to_seconds(comparison->judged.count),
                         .amount = off,
-                        .unit = "times",
-                        .weight = 50};
+                        .unit = "times"};
     const char *missing = off > 1 ? "are missing" : "is missing";
     snprintf(f.sentence, sizeof f.sentence, "%d repetition%s %s: %d instead of %d", (int)off, off > 1 ? "s" : "",
              got < wanted ? missing : "too many", (int)got, (int)wanted);
-    *said = true;
     return finding_add(comparison, &f, false);
 }
 
@@ -305,33 +287,25 @@ static enum status find_pieces(struct comparison *comparison)
 {
     enum status status = OK;
     if (comparison->mirrored) {
-        const struct finding f = {FINDING_MIRRORED,
-                                  "body",
-                                  frames_to_seconds(comparison->pace.b_first),
-                                  frames_to_seconds(comparison->pace.b_end),
-                                  1,
-                                  "times",
-                                  1000,
-                                  "Mirrored: you used the other side"};
+        const struct finding f = {.kind = FINDING_MIRRORED,
+                                  .part = "body",
+                                  .from_s = frames_to_seconds(comparison->pace.b_first),
+                                  .to_s = frames_to_seconds(comparison->pace.b_end),
+                                  .amount = 1,
+                                  .unit = "times",
+                                  .sentence = "Mirrored: you used the other side"};
         status = finding_add(comparison, &f, false);
     }
-    bool said = false;
     if (status == OK)
-        status = of_repetitions(comparison, &said);
-    // What one performance of the reference lacks or adds when it is done several times is no finding.
-    const bool several = comparison->repetitions.count >= 2 && comparison->repetitions.reference_count < 2;
-    // Between repetitions people rest a little longer or shorter.
-    const int32_t min =
-        comparison->repetitions.count >= 2 && comparison->repetitions.reference_count >= 2 ? MIN_REST : 0;
-    for (int32_t k = 0, count; k < comparison->pace.piece_count && status == OK && !several; k += count) {
+        status = of_repetitions(comparison);
+    for (int32_t k = 0, count; k < comparison->pace.piece_count && status == OK; k += count) {
         struct piece p;
         count = join_pauses(&comparison->pace, k, &p);
-        if (is_pause(&p) && abs(frames_longer(&p)) < (count > 1 && min < MIN_NET ? MIN_NET : min))
+        if (count > 1 && abs(frames_longer(&p)) < MIN_NET)
             continue;
-        if (!said || (p.kind != PIECE_MISSING && p.kind != PIECE_EXTRA))
-            status = of_piece(comparison, &p);
+        status = of_piece(comparison, &p);
     }
-    return status == OK && !several && !said ? of_pace(comparison) : status;
+    return status == OK ? of_pace(comparison) : status;
 }
 
 // ---------------------------------------------------------------- finding postures
@@ -343,11 +317,13 @@ static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 // By hand. A posture is found where it is off by 10 degrees and 1.2 standard deviations for 0.3 s in all, as long as it
 // stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
 static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPPER_SHARE = 0.67;
-// As in score.h, half of what a joint is off by all along is build, dress and where a sensor puts the joints: as little
-// as it is off for a quarter of the time.
-static const double OFFSET_SHARE = 0.5, OFFSET_QUANTILE = 0.25;
+// What a joint is off by all along costs by its part's offset (score.h) and not once more: as little as it is off for a
+// quarter of the time.
+static const double OFFSET_QUANTILE = 0.25;
 enum { FRAMES_AT_ONCE = 4096, THREADS = 4 }; // a thread's share of a long attempt; a short one has none of its own
 enum { MIN_FRAMES = 9, MAX_GAP = 9, SMOOTH_HALF = 11, MAX_HALF = 30, MIN_LATE = 20 };
+// By hand.
+static const double MIN_BALANCE = 0.6;
 
 struct series {
     const struct body_joint *joint;
@@ -368,18 +344,6 @@ struct judge {
 };
 
 static double at_seconds(int32_t frame) { return frame / MOVEMENT_RATE_HZ; }
-
-// Names as the attempt's own sides: what was judged may be its mirror image.
-static const char *side_word(const struct judge *judge, enum part part)
-{
-    const enum part own = judge->c->mirrored ? mirrored_part(part) : part;
-    return strncmp(part_name(own), "left", 4) ? "Right" : "Left";
-}
-
-static const char *own_part(const struct judge *judge, enum part part)
-{
-    return part_name(judge->c->mirrored ? mirrored_part(part) : part);
-}
 
 // ------------------------------------------------------------- the series
 
@@ -644,48 +608,71 @@ static const char *direction_word(const struct judge *judge, const double d[3])
     return x > 0 ? "further to the left" : "further to the right";
 }
 
-// The sentence without its times; *amount is signed where an angle is named.
-static void say_posture(const struct judge *judge, const struct wrong *wrong, double *amount, char *text, size_t size)
+// What the joint, or its part where no angle of it is named, is called on one side.
+static const char *noun_of(const struct body_joint *joint, bool angle)
+{
+    if (joint->part == PART_UPPER_TORSO)
+        return "Trunk leans";
+    if (joint->part == PART_HEAD)
+        return "Head";
+    static const char *const names[2][2][2] = {{{"upper arm", "upper arm"}, {"forearm", "elbow"}},
+                                               {{"thigh", "hip"}, {"shin", "knee"}}};
+    return names[joint->limb >= 2][joint->carrier == CARRIER_PART][angle];
+}
+
+// What is wrong in words: noun and predicate; the amount is signed where an angle is named.
+static void say_posture(const struct judge *judge, const struct wrong *wrong, struct finding *f)
 {
     const struct body_joint *j = judge->s.joint;
-    const bool named = fabs(wrong->angle_degrees) >= 0.6 * wrong->degrees;
-    const double degrees = named ? fabs(wrong->angle_degrees) : wrong->degrees;
-    const char *side = side_word(judge, j->part), *where = direction_word(judge, wrong->difference);
+    const bool bend = j->carrier == CARRIER_PART, trunk = j->part == PART_UPPER_TORSO,
+               arm = j->limb == 0 || j->limb == 1,
+               named = fabs(wrong->angle_degrees) >= 0.6 * wrong->degrees && (bend || trunk || arm);
     const bool more = wrong->angle_degrees > 0;
-    const char *forwards = more ? "further forwards" : "further back", *upwards = more ? "higher" : "lower";
-    *amount = named ? wrong->angle_degrees : wrong->degrees;
-    if (j->part == PART_UPPER_TORSO)
-        snprintf(text, size, "Trunk leans %.0f° %s", degrees, named ? forwards : where);
-    else if (j->part == PART_HEAD)
-        snprintf(text, size, "Head %.0f° %s", wrong->degrees, where);
-    else if (j->carrier == CARRIER_PART && named)
-        snprintf(text, size, "%s %s %.0f° %s bent", side, j->limb < 2 ? "elbow" : "knee", degrees,
-                 more ? "more" : "less");
-    else if (j->carrier == CARRIER_PART)
-        snprintf(text, size, "%s %s %.0f° %s", side, j->limb < 2 ? "forearm" : "shin", wrong->degrees, where);
-    else if (j->limb < 2)
-        snprintf(text, size, "%s upper arm %.0f° %s", side, degrees, named ? upwards : where);
-    else
-        snprintf(text, size, "%s thigh %.0f° %s", side, wrong->degrees, where);
-    if (j->part == PART_HEAD || (j->part != PART_UPPER_TORSO && j->limb >= 2 && j->carrier != CARRIER_PART))
-        *amount = wrong->degrees;
+    const char *way = direction_word(judge, wrong->difference);
+    f->amount = named ? wrong->angle_degrees : wrong->degrees;
+    f->noun = noun_of(j, named);
+    if (named && trunk)
+        way = more ? "further forwards" : "further back";
+    else if (named && bend)
+        way = more ? "more bent" : "less bent";
+    else if (named)
+        way = more ? "higher" : "lower";
+    snprintf(f->predicate, sizeof f->predicate, "%.0f° %s", fabs(f->amount), way);
+}
+
+// A part that the reference hardly moves costs less, as in score.h.
+static double finding_cost(const struct judge *judge, double degrees, double seconds)
+{
+    const double z = degrees / RAD / natural_offset_rad(judge->s.joint->part),
+                 share = seconds / fmax(seconds, at_seconds(judge->c->pace.b_end - judge->c->pace.b_first));
+    const double weight = PART_COUNT * judge->c->terms.part[judge->s.joint->part].weight; // 1: as the mean part
+    return FINDING_COST * robust_cost(z) * sqrt(share * fmin(1, weight));
+}
+
+static struct finding new_finding(const struct judge *judge, enum finding_kind kind, int32_t first, int32_t end)
+{
+    const enum part part = judge->s.joint->part, own = judge->c->mirrored ? mirrored_part(part) : part;
+    const char *name = part_name(own);
+    const enum body_side side = strncmp(name, "left", 4) == 0 ? SIDE_LEFT : SIDE_RIGHT;
+    return (struct finding){.kind = kind,
+                            .part = name,
+                            .parts = (uint16_t)(1u << part),
+                            .side = mirrored_part(own) == own ? SIDE_NONE : side,
+                            .from_s = at_seconds(first),
+                            .to_s = at_seconds(end),
+                            .unit = "deg"};
 }
 
 static enum status add_posture(struct judge *judge, int32_t first, int32_t end)
 {
     const struct wrong w = measure_deviation(&judge->s, first, end, judge->scratch);
-    struct finding f = {.kind = FINDING_POSTURE,
-                        .part = own_part(judge, judge->s.joint->part),
-                        .from_s = at_seconds(first),
-                        .to_s = at_seconds(end),
-                        .unit = "deg"};
-    say_posture(judge, &w, &f.amount, f.sentence, sizeof f.sentence);
-    // By how much it counts: what may be the joints' own error counts less.
+    struct finding f = new_finding(judge, FINDING_POSTURE, first, end);
+    say_posture(judge, &w, &f);
+    // What may be the joints' own error counts less.
     const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
-    f.weight = sure * (w.degrees - OFFSET_SHARE * judge->s.offset) * fmin(1.5, sqrt(f.to_s - f.from_s)) *
-               (judge->s.joint->part == PART_HEAD ? 0.6 : 1);
+    f.cost = sure * finding_cost(judge, fmax(0, w.degrees - judge->s.offset), f.to_s - f.from_s);
     const bool mostly = level_of(&judge->s, first, end, 0.5, judge->scratch) >= BEGIN_DEGREES;
-    return w.degrees < BEGIN_DEGREES || !mostly ? OK : finding_add(judge->c, &f, true);
+    return fabs(f.amount) < BEGIN_DEGREES || !mostly ? OK : finding_add(judge->c, &f, true);
 }
 
 static bool is_finding_begin(const struct series *series, int32_t f)
@@ -797,32 +784,40 @@ static enum status scan_range(struct judge *judge, bool *found)
         !gain_explains(&judge->s, judge->count, fabs(range_b - range_a) / RAD) ||
         !held_less(judge, range_a - range_b))
         return OK;
-    static const char *const names[2][2] = {{"upper arm", "elbow"}, {"hip", "knee"}};
-    const char *name = names[j->limb >= 2][j->carrier == CARRIER_PART];
-    struct finding f = {FINDING_RANGE,
-                        own_part(judge, j->part),
-                        at_seconds(judge->c->pace.b_first),
-                        at_seconds(judge->c->pace.b_end),
-                        range_b - range_a,
-                        "deg",
-                        fabs(range_b - range_a),
-                        ""};
-    snprintf(f.sentence, sizeof f.sentence, "%s %s goes through %.0f° %s: %.0f° instead of %.0f°",
-             side_word(judge, j->part), name, fabs(range_b - range_a), range_b < range_a ? "less" : "more", range_b,
-             range_a);
+    struct finding f = new_finding(judge, FINDING_RANGE, judge->c->pace.b_first, judge->c->pace.b_end);
+    f.noun = noun_of(j, true);
+    f.amount = range_b - range_a;
+    f.cost = finding_cost(judge, 0.5 * fabs(f.amount), f.to_s - f.from_s);
+    snprintf(f.predicate, sizeof f.predicate, "%.0f° %s: %.0f° instead of %.0f°", fabs(f.amount),
+             f.amount < 0 ? "less" : "more", range_b, range_a);
     *found = true;
     return finding_add(judge->c, &f, false);
 }
 
 // ------------------------------------------------------------- a limb's time
 
+// A limb that moves less than the reference's, or further, seems late one way and early on the way back: then its time
+// is not what differs. Frames that are late less those that are early, as a share of both.
+static double late_balance(const struct judge *judge, const struct limb_shift *of)
+{
+    double late = 0, early = 0;
+    for (int32_t f = 0; f < judge->count; f++)
+        if (of[f].late)
+            *(of[f].frames < 0 ? &late : &early) += 1;
+    return late + early > 0 ? fabs(late - early) / (late + early) : 0;
+}
+
 static enum status scan_late(struct judge *judge, int limb)
 {
-    static const char *const names[2] = {"arm", "leg"};
     static const enum part parts[LIMBS] = {PART_LEFT_UPPER_ARM, PART_RIGHT_UPPER_ARM, PART_LEFT_THIGH,
                                            PART_RIGHT_THIGH};
     const struct limb_shift *of = judge->limb[limb];
     enum status status = OK;
+    if (late_balance(judge, of) < MIN_BALANCE)
+        return OK;
+    for (int k = 0; k < BODY_JOINTS; k++)
+        if (body_joints[k].part == parts[limb])
+            judge->s.joint = &body_joints[k];
     for (int32_t f = 0; f < judge->count && status == OK; f++) {
         int32_t end = f;
         double sum = 0;
@@ -830,17 +825,13 @@ static enum status scan_late(struct judge *judge, int limb)
             sum += of[end].frames;
         if (end - f >= MIN_LATE) {
             // Negative: the limb shows an earlier instant of A, so it is late.
-            const double late_s = -sum / (end - f) / MOVEMENT_RATE_HZ;
-            struct finding x = {FINDING_TIMING,
-                                own_part(judge, parts[limb]),
-                                at_seconds(f),
-                                at_seconds(end),
-                                late_s,
-                                "s",
-                                80 * fabs(late_s),
-                                ""};
-            snprintf(x.sentence, sizeof x.sentence, "%s %s %.1f s %s", side_word(judge, parts[limb]), names[limb >= 2],
-                     fabs(late_s), late_s > 0 ? "late" : "early");
+            struct finding x = new_finding(judge, FINDING_TIMING, f, end);
+            x.amount = -sum / (end - f) / MOVEMENT_RATE_HZ;
+            x.parts |= (uint16_t)(1u << (parts[limb] + 1)); // the limb's other part, recording/skeleton.h's order
+            x.unit = "s";
+            x.cost = timing_cost(x.amount);
+            x.noun = limb >= 2 ? "leg" : "arm";
+            snprintf(x.predicate, sizeof x.predicate, "%.1f s %s", fabs(x.amount), x.amount > 0 ? "late" : "early");
             status = finding_add(judge->c, &x, true);
         }
         f = end > f ? end - 1 : f;
@@ -895,15 +886,19 @@ static enum status find_postures(struct comparison *comparison)
         fill_fresh(&g);
     if (status == OK)
         status = limb_shifts(&comparison->a, &comparison->judged, &comparison->timeline, g.limb);
-    for (int limb = 0; limb < LIMBS && status == OK; limb++)
-        status = scan_late(&g, limb);
+    bool ranged[LIMBS] = {false};
     for (int k = 0; k < BODY_JOINTS && status == OK; k++) {
         bool range = false;
         fill_series(&g, &body_joints[k]);
         status = scan_range(&g, &range);
         if (status == OK && !range)
             status = scan_posture(&g);
+        if (range && body_joints[k].limb >= 0)
+            ranged[body_joints[k].limb] = true;
     }
+    for (int limb = 0; limb < LIMBS && status == OK; limb++)
+        if (!ranged[limb])
+            status = scan_late(&g, limb);
     close_judge(&g);
     return status;
 }
@@ -936,7 +931,7 @@ const char *part_name(enum part part)
     return kind_names[part];
 }
 
-// Appends; times in frames. `sentence` without its times, which are added where `timed`. ERR_MEMORY.
+// Appends. `timed`: the sentence says when. ERR_MEMORY.
 static enum status finding_add(struct comparison *comparison, const struct finding *finding, bool timed)
 {
     struct finding *more = realloc(comparison->findings, (size_t)(comparison->finding_count + 1) * sizeof *more);
@@ -945,12 +940,167 @@ static enum status finding_add(struct comparison *comparison, const struct findi
     comparison->findings = more;
     more += comparison->finding_count++;
     *more = *finding;
-    if (timed) {
-        const size_t used = strlen(more->sentence);
-        snprintf(more->sentence + used, sizeof more->sentence - used, ", from %.1f s to %.1f s", finding->from_s,
-                 finding->to_s);
-    }
+    more->timed = timed;
     return OK;
+}
+
+// ---------------------------------------------------------------- one cause, one finding
+
+static double overlap_s(const struct finding *x, const struct finding *y)
+{
+    return fmin(x->to_s, y->to_s) - fmax(x->from_s, y->from_s);
+}
+
+// At the same time for most of the shorter one's, and by amounts of one sign of which one is at most twice the other.
+static bool is_alike(const struct finding *x, const struct finding *y)
+{
+    const double shorter = fmin(x->to_s - x->from_s, y->to_s - y->from_s), a = fabs(x->amount), b = fabs(y->amount);
+    return x->kind == y->kind && (x->amount > 0) == (y->amount > 0) && overlap_s(x, y) > 0.5 * shorter && a <= 2 * b &&
+           b <= 2 * a;
+}
+
+static bool is_one_side(const struct finding *f) { return f->side == SIDE_LEFT || f->side == SIDE_RIGHT; }
+
+static bool is_mirrored_pair(const struct finding *x, const struct finding *y)
+{
+    return x->noun && y->noun && !strcmp(x->noun, y->noun) && is_one_side(x) && is_one_side(y) && x->side != y->side &&
+           is_alike(x, y) &&
+           (x->kind == FINDING_RANGE || !strcmp(strchr(x->predicate, ' '), strchr(y->predicate, ' ')));
+}
+
+static const uint16_t THIGHS = 1u << PART_LEFT_THIGH | 1u << PART_RIGHT_THIGH,
+                      SHINS = 1u << PART_LEFT_SHIN | 1u << PART_RIGHT_SHIN;
+
+// A knee that is bent otherwise takes the hip with it: a squat that is shallower is one thing.
+static bool is_hip_of_knee(const struct finding *knee, const struct finding *hip)
+{
+    return (knee->kind == FINDING_POSTURE || knee->kind == FINDING_RANGE) && (knee->parts & SHINS) &&
+           (hip->kind == FINDING_POSTURE || hip->kind == FINDING_RANGE || hip->kind == FINDING_TIMING) &&
+           (hip->parts & THIGHS) && (hip->kind == FINDING_TIMING || !(hip->parts & SHINS)) &&
+           (hip->side == knee->side || knee->side == SIDE_BOTH) &&
+           overlap_s(knee, hip) > 0.5 * (hip->to_s - hip->from_s);
+}
+
+static void absorb_finding(struct finding *into, const struct finding *from)
+{
+    into->parts |= from->parts;
+    into->cost = 1 - (1 - into->cost) * (1 - from->cost);
+}
+
+static void remove_finding(struct comparison *comparison, int32_t at)
+{
+    memmove(&comparison->findings[at], &comparison->findings[at + 1],
+            (size_t)(comparison->finding_count - at - 1) * sizeof *comparison->findings);
+    comparison->finding_count--;
+}
+
+// Both sides' findings of one kind become one, which says the greater amount's numbers.
+static void merge_sides(struct comparison *comparison)
+{
+    for (int32_t i = 0; i < comparison->finding_count; i++)
+        for (int32_t k = i + 1; k < comparison->finding_count; k++) {
+            struct finding *x = &comparison->findings[i], *y = &comparison->findings[k];
+            if (!is_mirrored_pair(x, y))
+                continue;
+            const bool first = fabs(x->amount) >= fabs(y->amount);
+            struct finding both = first ? *x : *y;
+            absorb_finding(&both, first ? y : x);
+            both.side = SIDE_BOTH;
+            both.from_s = fmin(x->from_s, y->from_s);
+            both.to_s = fmax(x->to_s, y->to_s);
+            *x = both;
+            remove_finding(comparison, k);
+            break;
+        }
+}
+
+static bool absorb_hip(struct comparison *comparison)
+{
+    for (int32_t i = 0; i < comparison->finding_count; i++)
+        for (int32_t k = 0; k < comparison->finding_count; k++)
+            if (i != k && is_hip_of_knee(&comparison->findings[i], &comparison->findings[k])) {
+                absorb_finding(&comparison->findings[i], &comparison->findings[k]);
+                remove_finding(comparison, k);
+                return true;
+            }
+    return false;
+}
+
+static void compose_sentence(struct finding *f)
+{
+    static const char *const sides[] = {[SIDE_LEFT] = "Left ", [SIDE_RIGHT] = "Right ", [SIDE_BOTH] = "Both "};
+    char *text = f->sentence;
+    const size_t size = sizeof f->sentence;
+    size_t used = strlen(text);
+    const bool both = f->side == SIDE_BOTH,
+               hips = (f->parts & SHINS) && (f->parts & THIGHS) && f->kind != FINDING_TIMING;
+    const char *through = "";
+    if (f->kind == FINDING_RANGE)
+        through = both || hips ? " go through" : " goes through";
+    if (f->noun && f->side == SIDE_NONE)
+        used = (size_t)snprintf(text, size, "%s %s", f->noun, f->predicate);
+    else if (f->noun && hips)
+        used = (size_t)snprintf(text, size, "%s%s%s %s", sides[f->side], both ? "knees and hips" : "knee and hip",
+                                through, f->predicate);
+    else if (f->noun)
+        used = (size_t)snprintf(text, size, "%s%s%s%s %s", sides[f->side], f->noun, both ? "s" : "", through,
+                                f->predicate);
+    if (f->timed && used < size)
+        snprintf(text + used, size - used, ", from %.1f s to %.1f s%s", f->from_s, f->to_s,
+                 f->kind == FINDING_MISSING ? " of the reference" : "");
+}
+
+// ---------------------------------------------------------------- losses
+
+// What a finding's parts cost, each shared among the findings that name it, and what it costs beside.
+static double whole_cost(const struct comparison *comparison, const struct finding *f)
+{
+    const struct score_terms *terms = &comparison->terms;
+    double sum = f->cost;
+    for (int p = 0; p < PART_COUNT; p++) {
+        int sharing = 0;
+        for (int32_t k = 0; k < comparison->finding_count; k++)
+            sharing += comparison->findings[k].parts >> p & 1;
+        if (f->parts >> p & 1)
+            sum += terms->part[p].weight * terms->part[p].cost / sharing;
+    }
+    const bool times = !strcmp(f->unit, "times");
+    if (f->kind == FINDING_MISSING && !times)
+        sum += terms->missing_share;
+    if (f->kind == FINDING_EXTRA && !times)
+        sum += terms->extra_share;
+    return sum;
+}
+
+// What a finding costs a repetition that it lies in, by how much of that it lasts.
+static void judge_each_repetition(struct comparison *comparison)
+{
+    const double whole_s = at_seconds(comparison->pace.b_end - comparison->pace.b_first);
+    for (int32_t k = 0; k < comparison->repetitions.count; k++) {
+        struct performance *performance = &comparison->repetitions.at[k];
+        const struct finding span = {.from_s = at_seconds(performance->attempt.first),
+                                     .to_s = at_seconds(performance->attempt.end)};
+        double square = 0;
+        for (int32_t n = 0; n < comparison->finding_count; n++) {
+            const struct finding *f = &comparison->findings[n];
+            const double in_s = fmax(0, overlap_s(f, &span)), of_whole = (f->to_s - f->from_s) / fmax(1e-9, whole_s);
+            const double cost = f->cost / sqrt(fmin(1, fmax(1e-3, of_whole))) * sqrt(in_s / (span.to_s - span.from_s));
+            square += f->kind == FINDING_POSTURE ? cost * cost : 0;
+        }
+        performance->score *= 1 - fmin(1, sqrt(square));
+    }
+}
+
+// Shares what the score lacks among the findings; what deviates without being worth a sentence keeps its own.
+static void share_loss(struct comparison *comparison)
+{
+    const struct score_terms *terms = &comparison->terms;
+    double all = terms->posture + terms->missing_share + terms->extra_share;
+    for (int32_t k = 0; k < comparison->finding_count; k++)
+        all += comparison->findings[k].cost;
+    const double lost = 100 - score_from_terms(terms);
+    for (int32_t k = 0; k < comparison->finding_count && all > 0; k++)
+        comparison->findings[k].loss = fmin(1, whole_cost(comparison, &comparison->findings[k]) / all) * lost;
 }
 
 // ---------------------------------------------------------------- findings
@@ -958,8 +1108,11 @@ static enum status finding_add(struct comparison *comparison, const struct findi
 static int worst_first(const void *a, const void *b)
 {
     const struct finding *x = a, *y = b;
-    if (x->weight != y->weight)
-        return x->weight < y->weight ? 1 : -1;
+    const bool mirrored_x = x->kind == FINDING_MIRRORED, mirrored_y = y->kind == FINDING_MIRRORED;
+    if (mirrored_x != mirrored_y)
+        return mirrored_x ? -1 : 1;
+    if (x->loss != y->loss)
+        return x->loss < y->loss ? 1 : -1;
     return (x->from_s > y->from_s) - (x->from_s < y->from_s);
 }
 
@@ -968,7 +1121,20 @@ enum status findings_make(struct comparison *c)
     enum status status = find_pieces(c);
     if (status == OK)
         status = find_postures(c);
-    if (status == OK && c->finding_count > 1)
+    if (status != OK)
+        return status;
+    merge_sides(c);
+    while (absorb_hip(c))
+        ;
+    double square = 0; // several findings have one cause more often than not: less than their sum
+    for (int32_t k = 0; k < c->finding_count; k++) {
+        compose_sentence(&c->findings[k]);
+        square += c->findings[k].cost * c->findings[k].cost;
+    }
+    c->terms.findings = fmin(1, sqrt(square));
+    share_loss(c);
+    judge_each_repetition(c);
+    if (c->finding_count > 1)
         qsort(c->findings, (size_t)c->finding_count, sizeof *c->findings, worst_first);
-    return status;
+    return OK;
 }

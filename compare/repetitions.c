@@ -14,6 +14,8 @@ static const double MOVED_CHORD = 0.433;
 static const double ADDED_CHORD = 1;
 // While B goes through a piece that A lacks, or waits, A advances at most at this share of the pace.
 static const double STANDSTILL = 0.25;
+// A moves where some part's direction changes by more within half a second (10 degrees).
+static const double MOVING_CHORD = 0.17;
 
 void pace_free(struct pace *pace)
 {
@@ -115,6 +117,8 @@ static enum status look_for_halt(struct walk *walk, int32_t first, int32_t end)
     piece.turned_rad = heading_change(walk->b, first, end);
     if (content)
         walk->pace->extra += end - first;
+    for (int32_t f = first; f < end && content; f++)
+        walk->t->reference[f] = NAN; // it shows nothing of A
     return add_piece(walk->pace, piece);
 }
 
@@ -169,26 +173,42 @@ static enum status look_at_end(struct walk *walk, int32_t first, int32_t end, in
                                                 heading_change(walk->a, strange_first, strange_end)});
 }
 
-// A straight line through the timeline, by least squares, and what deviates from it.
-static void measure_ratio(const struct walk *walk)
+static int compare_float(const void *a, const void *b)
 {
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+// Of the even pace: the median over those half seconds in which A moves of how many frames of A one of B goes on by.
+// What is missing or stopped early, and pauses, do not change it. 0: A moves nowhere.
+static enum status measure_ratio(const struct walk *walk)
+{
+    enum { SPAN = 15 };
     struct pace *p = walk->pace;
-    double n = 0, sb = 0, sa = 0, sbb = 0, sab = 0, rest = 0;
-    for (int32_t j = p->b_first; j < p->b_end; j++) {
-        const double b = j - p->b_first, a = walk->reference[j] - p->a_first;
-        n++;
-        sb += b;
-        sa += a;
-        sbb += b * b;
-        sab += a * b;
+    float *slopes = malloc((size_t)(p->b_end - p->b_first + 1) * sizeof *slopes);
+    size_t count = 0;
+    if (!slopes)
+        return fail(ERR_MEMORY, "no memory for the times of two movements");
+    for (int32_t j = p->b_first; j + SPAN < p->b_end; j++) {
+        const double from = walk->reference[j], to = walk->reference[j + SPAN];
+        if (isnan(from) || isnan(to) || to <= from)
+            continue;
+        const struct movement_frame x = movement_at(walk->a, from), y = movement_at(walk->a, to);
+        if (farthest_part(&x, &y, walk->parts) > MOVING_CHORD)
+            slopes[count++] = (float)((to - from) / SPAN);
     }
-    const double spread = sbb - sb * sb / n;
-    p->ratio = spread > 0 ? (sab - sa * sb / n) / spread : 0;
-    for (int32_t j = p->b_first; j < p->b_end; j++) {
-        const double off = (walk->reference[j] - p->a_first - sa / n) - p->ratio * (j - p->b_first - sb / n);
-        rest += off * off;
-    }
-    p->uneven_s = sqrt(rest / n) / MOVEMENT_RATE_HZ;
+    qsort(slopes, count, sizeof *slopes, compare_float);
+    p->ratio = count ? slopes[count / 2] : 0;
+    free(slopes);
+    return OK;
+}
+
+static int compare_pieces(const void *a, const void *b)
+{
+    const struct piece *x = a, *y = b;
+    if (x->b_first != y->b_first)
+        return x->b_first < y->b_first ? -1 : 1;
+    return (x->a_first > y->a_first) - (x->a_first < y->a_first);
 }
 
 // Getting into position and out of it: frames of B at an end that all show A's first or last aligned frame. They are
@@ -214,32 +234,45 @@ static void leave_out_ends(struct timeline *timeline, int32_t a_count)
         timeline->reference[j] = NAN;
 }
 
-enum status pace_measure(const struct movement *a, const struct movement *b, uint16_t parts, struct timeline *t,
-                         struct pace *out)
+static enum status find_pieces(struct walk *walk)
 {
-    *out = (struct pace){.b_first = -1};
+    struct pace *pace = walk->pace;
+    enum status status = look_at_end(walk, 0, pace->a_first, pace->b_first);
+    if (status == OK)
+        status = look_inside(walk);
+    if (status == OK)
+        status = look_at_end(walk, pace->a_end, walk->a->count, pace->b_end);
+    if (pace->piece_count)
+        qsort(pace->pieces, (size_t)pace->piece_count, sizeof *pace->pieces, compare_pieces);
+    return status;
+}
+
+enum status pace_measure(const struct movement *a, const struct movement *b, uint16_t parts, struct timeline *t,
+                         bool repeated, struct pace *out)
+{
+    *out = (struct pace){.b_first = -1, .a_first = a->count};
     struct walk w = {a, b, parts, t, out, malloc((size_t)t->count * sizeof *w.reference)};
     if (!w.reference)
         return fail(ERR_MEMORY, "no memory for the times of two movements");
-    leave_out_ends(t, a->count);
+    if (!repeated)
+        leave_out_ends(t, a->count);
     for (int32_t j = 0; j < t->count; j++) {
         w.reference[j] = t->reference[j];
         if (isnan(t->reference[j]))
             continue;
+        const int32_t at = (int32_t)t->reference[j];
         out->b_first = out->b_first < 0 ? j : out->b_first;
         out->b_end = j + 1;
+        out->a_first = at < out->a_first ? at : out->a_first;
+        out->a_end = at + 1 > out->a_end ? at + 1 : out->a_end;
     }
     enum status status = OK;
-    if (out->b_first >= 0) {
-        out->a_first = (int32_t)w.reference[out->b_first];
-        out->a_end = (int32_t)w.reference[out->b_end - 1] + 1;
-        measure_ratio(&w);
-        status = look_at_end(&w, 0, out->a_first, out->b_first);
-        if (status == OK)
-            status = look_inside(&w);
-        if (status == OK)
-            status = look_at_end(&w, out->a_end, a->count, out->b_end);
-    }
+    if (out->b_first < 0)
+        out->a_first = out->b_first = 0;
+    else
+        status = measure_ratio(&w);
+    if (status == OK && out->b_end > 0 && !repeated)
+        status = find_pieces(&w);
     free(w.reference);
     if (status != OK)
         pace_free(out);
@@ -805,19 +838,21 @@ static enum status repetitions_of(const struct features *cycle, const struct fea
     return status;
 }
 
-// ---------------------------------------------------------------- repetition judge
+// ---------------------------------------------------------------- performances
 
 enum { MAX_REFERENCES = 12 };
+// Of what a movement moves at least this share lies in its repetitions, else it is more than they are. By hand.
+static const double MIN_COVERED = 0.75;
 
-void judged_repetitions_free(struct judged_repetitions *repetitions)
+void performances_free(struct performances *performances)
 {
-    free(repetitions->at);
-    *repetitions = (struct judged_repetitions){0};
+    free(performances->at);
+    *performances = (struct performances){0};
 }
 
 struct side {
     const struct movement *movement;
-    struct feature_frame *frames;
+    const struct feature_frame *frames, *plain; // for alignments; for finding repetitions
     struct repetition_list list;
     double moved[PART_COUNT]; // what its repetitions have in common
 };
@@ -866,91 +901,219 @@ static struct movement movement_piece(const struct movement *movement, struct re
     return out;
 }
 
-static enum status judge_pair(const struct side *a, struct repetition_span sa, const struct side *b,
-                              struct repetition_span sb, const struct alignment_prices *prices,
-                              struct judged_repetition *out)
+// The share of what a movement moves (the sum of its frames' differences) that lies in the spans.
+static double covered_share(const struct side *side)
 {
-    const struct movement ma = movement_piece(a->movement, sa), mb = movement_piece(b->movement, sb);
-    const struct score_scope scope = {0, mb.count, a->list.count >= 2 ? a->moved : NULL};
-    const struct features fa = {a->frames + sa.first, ma.count}, fb = {b->frames + sb.first, mb.count};
-    struct alignment x = {0};
-    enum status status = align(&fa, &fb, prices, &x);
-    if (status == OK)
-        status = score_posture(&ma, &mb, &x, &scope, &out->terms);
-    alignment_free(&x);
-    out->attempt = sb;
-    out->reference = sa;
-    out->score = score_from_terms(&out->terms);
+    double covered = 0, all = 1e-9;
+    int32_t next = 0;
+    for (int32_t f = 1; f < side->movement->count; f++) {
+        const double step = sqrt(feature_cost(&side->plain[f], &side->plain[f - 1]));
+        while (next < side->list.count && side->list.spans[next].end <= f)
+            next++;
+        all += step;
+        covered += next < side->list.count && side->list.spans[next].first <= f ? step : 0;
+    }
+    return covered / all;
+}
+
+static void forget_uncovered(struct side *side)
+{
+    if (side->list.count && covered_share(side) < MIN_COVERED)
+        repetition_list_free(&side->list);
+}
+
+// The alignment of two performances, and what they have in common.
+static enum status judge_pair(const struct side *a, const struct side *b, const struct alignment_prices *prices,
+                              struct performance *out, struct alignment *x)
+{
+    const struct movement ma = movement_piece(a->movement, out->reference),
+                          mb = movement_piece(b->movement, out->attempt);
+    const struct features fa = {a->frames + out->reference.first, ma.count},
+                          fb = {b->frames + out->attempt.first, mb.count};
+    const enum status status = align(&fa, &fb, prices, x);
+    if (status != OK)
+        return status;
+    struct pair_sums sums = {.carried = {{0}}};
+    pair_sums_add(&sums, &ma, &mb, x);
+    noise_sums_add(sums.noise[0], &ma, 0, ma.count);
+    noise_sums_add(sums.noise[1], &mb, 0, mb.count);
+    const struct score_terms terms = score_posture(&sums, a->list.count >= 2 ? a->moved : NULL);
+    out->score = score_from_terms(&terms);
+    return OK;
+}
+
+static enum status put_timeline(const struct side *a, const struct side *b, const struct performance *performance,
+                                const struct alignment *x, struct timeline *timeline)
+{
+    const struct repetition_span ra = performance->reference, rb = performance->attempt;
+    const struct features fa = {a->frames + ra.first, ra.end - ra.first},
+                          fb = {b->frames + rb.first, rb.end - rb.first};
+    struct timeline piece = {0};
+    const enum status status = timeline_from_alignment(x, &fa, &fb, &piece);
+    for (int32_t f = 0; f < piece.count; f++)
+        timeline->reference[rb.first + f] = piece.reference[f] + (float)ra.first;
+    timeline_free(&piece);
+    return status;
+}
+
+static enum status judge_repetition(const struct side *a, const struct side *b, const struct alignment_prices *prices,
+                                    struct performance *best, struct timeline *timeline, struct pair_sums *sums)
+{
+    const int32_t references = a->list.count < MAX_REFERENCES ? a->list.count : MAX_REFERENCES;
+    struct alignment of_best = {0};
+    enum status status = OK;
+    for (int32_t n = 0; n < references && status == OK; n++) {
+        struct performance tried = {.attempt = best->attempt, .reference = a->list.spans[n]};
+        struct alignment x = {0};
+        status = judge_pair(a, b, prices, &tried, &x);
+        if (status == OK && (!n || tried.score > best->score)) {
+            const struct alignment swap = of_best;
+            of_best = x;
+            x = swap;
+            *best = tried;
+        }
+        alignment_free(&x);
+    }
+    if (status == OK) {
+        const struct movement ma = movement_piece(a->movement, best->reference),
+                              mb = movement_piece(b->movement, best->attempt);
+        pair_sums_add(sums, &ma, &mb, &of_best);
+        status = put_timeline(a, b, best, &of_best, timeline);
+    }
+    alignment_free(&of_best);
     return status;
 }
 
 static enum status judge_all(const struct side *a, const struct side *b, const struct alignment_prices *prices,
-                             struct judged_repetitions *out)
+                             struct timeline *timeline, struct performances *out)
 {
     enum status status = OK;
     out->at = calloc((size_t)b->list.count, sizeof *out->at);
     if (!out->at)
         return fail(ERR_MEMORY, "no memory to judge repetitions");
-    const int32_t references = a->list.count < MAX_REFERENCES ? a->list.count : MAX_REFERENCES;
+    for (int32_t f = 0; f < timeline->count; f++)
+        timeline->reference[f] = NAN;
     for (int32_t k = 0; k < b->list.count && status == OK; k++) {
-        for (int32_t n = 0; n < references && status == OK; n++) {
-            struct judged_repetition judged = {0};
-            status = judge_pair(a, a->list.spans[n], b, b->list.spans[k], prices, &judged);
-            if (status == OK && (!n || judged.score > out->at[k].score))
-                out->at[k] = judged;
-        }
+        out->at[k].attempt = b->list.spans[k];
+        status = judge_repetition(a, b, prices, &out->at[k], timeline, &out->sums);
         out->count++;
     }
     out->reference_count = a->list.count;
+    noise_sums_add(out->sums.noise[0], a->movement, 0, a->movement->count);
+    noise_sums_add(out->sums.noise[1], b->movement, 0, b->movement->count);
     return status;
 }
 
-// The reference is one performance: B's repetitions are where it occurs.
-static enum status one_performance(struct side *a, struct side *b)
+// Where a side's own repetitions were not found: as often as the other's cycle occurs in it.
+static enum status find_by(const struct side *other, struct repetition_span cycle, struct side *side)
 {
-    a->list.spans = malloc(sizeof *a->list.spans);
-    if (!a->list.spans)
+    const struct features of_cycle = {other->plain + cycle.first, cycle.end - cycle.first},
+                          all = {side->plain, side->movement->count};
+    const enum status status = repetitions_of(&of_cycle, &all, &side->list);
+    if (status == OK)
+        forget_uncovered(side);
+    return status;
+}
+
+static enum status one_span(struct side *side, struct repetition_span span)
+{
+    side->list.spans = malloc(sizeof *side->list.spans);
+    if (!side->list.spans)
         return fail(ERR_MEMORY, "no memory to find repetitions");
-    a->list.spans[0] = (struct repetition_span){0, a->movement->count};
-    a->list.count = 1;
-    if (2 * b->movement->count < 3 * a->movement->count)
+    side->list.spans[0] = span;
+    side->list.count = 1;
+    return OK;
+}
+
+// The frames from the first to the last that differ from their neighbours: without standing still before and after.
+static struct repetition_span moving_span(const struct side *side)
+{
+    enum { STILL = FEATURE_UNIT * FEATURE_UNIT / 20000 }; // squared; some half a degree of one part in a frame
+    struct repetition_span span = {0, side->movement->count};
+    while (span.first + 1 < span.end && feature_cost(&side->plain[span.first], &side->plain[span.first + 1]) < STILL)
+        span.first++;
+    while (span.end - 1 > span.first && feature_cost(&side->plain[span.end - 1], &side->plain[span.end - 2]) < STILL)
+        span.end--;
+    return span.end - span.first >= MIN_CYCLE * THIN ? span : (struct repetition_span){0, side->movement->count};
+}
+
+static struct repetition_span middle_span(const struct repetition_list *list) { return list->spans[list->count / 2]; }
+
+static int32_t middle_length(const struct repetition_list *list)
+{
+    const struct repetition_span middle = middle_span(list);
+    return middle.end - middle.first;
+}
+
+// Repetitions of `whole`, one performance, in the other movement.
+static enum status find_of_whole(struct side *whole, struct side *other)
+{
+    const struct repetition_span span = moving_span(whole);
+    repetition_list_free(&whole->list);
+    repetition_list_free(&other->list);
+    const enum status status = find_by(whole, span, other);
+    return status == OK && other->list.count >= 2 ? one_span(whole, span) : status;
+}
+
+// Cycles of very different lengths are not the same thing: the longer one is looked for in the other movement.
+static enum status level_cycles(struct side *a, struct side *b)
+{
+    const double most = 1.6; // by hand
+    struct side *longer = middle_length(&a->list) >= middle_length(&b->list) ? a : b, *shorter = longer == a ? b : a;
+    if (middle_length(&longer->list) <= most * middle_length(&shorter->list))
         return OK;
-    const struct features fa = {a->frames, a->movement->count}, fb = {b->frames, b->movement->count};
-    return repetitions_of(&fa, &fb, &b->list);
+    const struct repetition_list kept = shorter->list;
+    shorter->list = (struct repetition_list){0};
+    const enum status status = find_by(longer, middle_span(&longer->list), shorter);
+    if (shorter->list.count) {
+        struct repetition_list old = kept;
+        repetition_list_free(&old);
+    } else {
+        shorter->list = kept;
+    }
+    return status;
 }
 
-static enum status find_both(struct side *a, struct side *b, uint16_t parts)
+// Both lists, or neither: of a movement that is one performance the one span that it is.
+static enum status find_both(struct side *a, struct side *b)
 {
-    enum status status = movement_features(a->movement, parts, NULL, &a->frames);
+    const struct features fa = {a->plain, a->movement->count}, fb = {b->plain, b->movement->count};
+    enum status status = repetitions_find(&fa, &a->list);
     if (status == OK)
-        status = movement_features(b->movement, parts, NULL, &b->frames);
-    const struct features fa = {a->frames, a->movement->count}, fb = {b->frames, b->movement->count};
-    if (status == OK)
-        status = repetitions_find(&fa, &a->list);
-    if (status == OK && a->list.count < 2)
-        return one_performance(a, b);
-    return status == OK ? repetitions_find(&fb, &b->list) : status;
+        status = repetitions_find(&fb, &b->list);
+    forget_uncovered(a);
+    forget_uncovered(b);
+    if (status == OK && a->list.count && b->list.count)
+        status = level_cycles(a, b);
+    else if (status == OK && a->list.count)
+        status = find_by(a, middle_span(&a->list), b);
+    else if (status == OK) {
+        status = find_of_whole(a, b);
+        if (status == OK && !a->list.count)
+            status = find_of_whole(b, a);
+    }
+    if (!a->list.count || !b->list.count || (a->list.count < 2 && b->list.count < 2)) {
+        repetition_list_free(&a->list);
+        repetition_list_free(&b->list);
+    }
+    return status;
 }
 
-enum status judge_repetitions(const struct movement *a, const struct movement *b, uint16_t parts,
-                              const struct alignment_prices *prices, struct judged_repetitions *out)
+enum status performances_judge(const struct performed of[2], const struct alignment_prices *prices,
+                               struct timeline *timeline, struct performances *out)
 {
-    struct side sa = {.movement = a}, sb = {.movement = b};
-    *out = (struct judged_repetitions){0};
-    enum status status = find_both(&sa, &sb, parts);
-    if (status == OK && sa.list.count >= 2)
-        measure_moved(&sa);
-    memcpy(out->moved, sa.moved, sizeof out->moved);
-    // One repetition alone is the movement itself.
-    if (status == OK && sb.list.count >= 2)
-        status = judge_all(&sa, &sb, prices, out);
-    else if (status == OK)
-        out->reference_count = sa.list.count;
-    free(sa.frames);
-    free(sb.frames);
-    repetition_list_free(&sa.list);
-    repetition_list_free(&sb.list);
+    struct side a = {.movement = of[0].movement, .frames = of[0].features.frames, .plain = of[0].plain},
+                b = {.movement = of[1].movement, .frames = of[1].features.frames, .plain = of[1].plain};
+    *out = (struct performances){.reference_count = 1};
+    enum status status = find_both(&a, &b);
+    if (status == OK && a.list.count >= 2)
+        measure_moved(&a);
+    memcpy(out->moved, a.moved, sizeof out->moved);
+    if (status == OK && b.list.count)
+        status = judge_all(&a, &b, prices, timeline, out);
+    repetition_list_free(&a.list);
+    repetition_list_free(&b.list);
     if (status != OK)
-        judged_repetitions_free(out);
+        performances_free(out);
     return status;
 }

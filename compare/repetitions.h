@@ -38,17 +38,17 @@ struct piece {
 struct pace {
     struct piece *pieces; // malloc'ed, in B's order
     int32_t piece_count;
-    double ratio;                           // seconds of A for one of B, at an even pace; 1: as fast; 0: unknown
-    double uneven_s;                        // root mean square of the deviations from that even pace
+    double ratio;                           // seconds of A for one of B where A moves, median; 1: as fast; 0: unknown
     int32_t missing, extra;                 // frames in such pieces
     int32_t a_first, a_end, b_first, b_end; // what is aligned
 };
 void pace_free(struct pace *pace); // zeroed is fine; leaves it zeroed
 
 // Takes frames of B at its ends out of the timeline (NaN) that all show A's first or last aligned frame: getting into
-// position and out of it. ERR_MEMORY; *out is then zeroed.
+// position and out of it. repeated: the timeline is that of several repetitions: of these nothing is taken out, and
+// pieces are not looked for. ERR_MEMORY; *out is then zeroed.
 MUST_CHECK enum status pace_measure(const struct movement *a, const struct movement *b, uint16_t parts,
-                                    struct timeline *t, struct pace *out);
+                                    struct timeline *t, bool repeated, struct pace *out);
 
 // ---------------------------------------------------------------- repetitions
 
@@ -67,26 +67,35 @@ void repetition_list_free(struct repetition_list *list); // zeroed is fine; leav
 // ERR_MEMORY; *out is then zeroed.
 MUST_CHECK enum status repetitions_find(const struct features *f, struct repetition_list *out);
 
-// ---------------------------------------------------------------- repetition judge
+// ---------------------------------------------------------------- performances
 
-// Every repetition of an attempt judged on its own, against the reference's repetitions, or against the reference
-// where that is one performance.
+// Which stretches of two movements are performances of the same: where either repeats something, each repetition of the
+// attempt belongs to a repetition of the reference. Repetitions are those of a movement that together hold nearly all
+// of what it moves; of a movement that holds one performance alone, the other's repetitions are where that occurs.
 
-struct judged_repetition {
+struct performance {
     struct repetition_span attempt, reference; // frames of B and A
-    struct score_terms terms;
-    double score;
+    double score;                              // of how it is held and moved alone
 };
 
-struct judged_repetitions {
-    struct judged_repetition *at; // malloc'ed, in B's order
-    int32_t count;                // 0: B does not repeat anything
-    int32_t reference_count;      // repetitions of A; 1: it is one performance
-    double moved[PART_COUNT];     // how much A's repetitions move each part alike, rad; only where there are several
+struct performances {
+    struct performance *at;   // malloc'ed, in B's order
+    int32_t count;            // B's repetitions; 0: neither movement repeats anything
+    int32_t reference_count;  // A's; 1: one performance
+    struct pair_sums sums;    // of all
+    double moved[PART_COUNT]; // how much A's repetitions move each part alike, rad; only where there are several
 };
-void judged_repetitions_free(struct judged_repetitions *repetitions); // zeroed is fine; leaves it zeroed
+void performances_free(struct performances *performances); // zeroed is fine; leaves it zeroed
 
-// Of the reference's repetitions (at most 12 are tried) each of B's is judged against the one that it resembles most.
-// prices: of the alignment. ERR_MEMORY; *out is then zeroed.
-MUST_CHECK enum status judge_repetitions(const struct movement *a, const struct movement *b, uint16_t parts,
-                                         const struct alignment_prices *prices, struct judged_repetitions *out);
+// A movement and its feature frames: those in which both are aligned, and at full size, in which repetitions are found.
+struct performed {
+    const struct movement *movement;
+    struct features features; // of as many frames
+    struct feature_frame *plain;
+};
+
+// of: A and B. Each of B's repetitions is judged against the one of A's (at most 12 are tried) that it resembles most;
+// the timeline becomes theirs, and NaN between them. Where neither repeats anything nothing is changed. prices: of the
+// alignment. ERR_MEMORY; *out is then zeroed.
+MUST_CHECK enum status performances_judge(const struct performed of[2], const struct alignment_prices *prices,
+                                          struct timeline *timeline, struct performances *out);

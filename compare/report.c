@@ -286,7 +286,7 @@ static void write_repetitions(FILE *to, const struct comparison *comparison)
         return;
     fputs("<h2>Repetitions</h2><table><tr><th></th><th>time</th><th>score</th></tr>", to);
     for (int32_t k = 0; k < comparison->repetitions.count; k++) {
-        const struct judged_repetition *r = &comparison->repetitions.at[k];
+        const struct performance *r = &comparison->repetitions.at[k];
         fprintf(to, "<tr><td>%d</td><td>%.1f s to %.1f s</td><td>%.0f</td></tr>", (int)k + 1,
                 r->attempt.first / MOVEMENT_RATE_HZ, r->attempt.end / MOVEMENT_RATE_HZ, r->score);
     }
@@ -324,8 +324,11 @@ static void write_progress(FILE *to, const struct report_attempt *attempts, int3
         const struct comparison *c = attempts[k].c;
         fputs("<li>", to);
         html_put_text(to, attempts[k].name);
-        fprintf(to, ": <b>%.0f</b> <span class=\"dim\">%s</span></li>", c->score,
-                c->finding_count ? c->findings[0].sentence : "nothing was found");
+        if (c->relation == RELATION_SAME)
+            fprintf(to, ": <b>%.0f</b> <span class=\"dim\">%s</span></li>", c->score,
+                    c->finding_count ? c->findings[0].sentence : "nothing was found");
+        else
+            fprintf(to, ": <span class=\"dim\">%s</span></li>", c->relation_sentence);
     }
     fputs("</ol>", to);
 }
@@ -337,11 +340,17 @@ static bool write_attempt(FILE *to, const struct report_attempt *attempt)
     const struct comparison *c = attempt->c;
     uint8_t *cell = NULL;
     const bool whole = verdicts_of(c, &cell) == OK;
-    fprintf(to, "<div class=\"score\">%.0f</div><div class=\"dim\">of 100</div><h2>What differs</h2><ol>", c->score);
+    const bool same = c->relation == RELATION_SAME;
+    if (same)
+        fprintf(to, "<div class=\"score\">%.0f</div><div class=\"dim\">of 100</div><h2>What differs</h2><ol>",
+                c->score);
+    else
+        fprintf(to, "<h2>%s</h2><p>So there is no score.</p><ol>", c->relation_sentence);
     for (int32_t k = 0; k < c->finding_count; k++)
-        fprintf(to, "<li>%s <span class=\"dim\">%s</span></li>", c->findings[k].sentence,
-                finding_kind_name(c->findings[k].kind));
-    fputs(c->finding_count ? "</ol>" : "</ol><p>Nothing was found.</p>", to);
+        fprintf(to, "<li>%s <span class=\"dim\">−%.0f</span></li>", c->findings[k].sentence, c->findings[k].loss);
+    fputs("</ol>", to);
+    if (same && !c->finding_count)
+        fputs("<p>Nothing was found.</p>", to);
     char not_judged[NOT_JUDGED_BYTES];
     if (*not_judged_text(c, not_judged))
         fprintf(to, "<p>%c%s.</p>", toupper((unsigned char)*not_judged), not_judged + 1);
@@ -384,7 +393,10 @@ char *report_html(const struct report_attempt *attempts, int32_t count, const ch
         if (count > 1) {
             fprintf(to, "<details%s><summary>", k + 1 < count ? "" : " open");
             html_put_text(to, attempts[k].name);
-            fprintf(to, ": %.0f</summary>", attempts[k].c->score);
+            if (attempts[k].c->relation == RELATION_SAME)
+                fprintf(to, ": %.0f</summary>", attempts[k].c->score);
+            else
+                fputs(": no score</summary>", to);
         }
         broken = !write_attempt(to, &attempts[k]) || broken;
         fputs(count > 1 ? "</details>" : "", to);
@@ -458,8 +470,9 @@ static void json_findings(FILE *to, const struct comparison *comparison)
         const struct finding *f = &comparison->findings[k];
         fprintf(to,
                 "%s\n    {\"part\": \"%s\", \"kind\": \"%s\", \"from_s\": %.2f, \"to_s\": %.2f, \"amount\": %.2f, "
-                "\"unit\": \"%s\", \"sentence\": \"%s\"}",
-                k ? "," : "", f->part, finding_kind_name(f->kind), f->from_s, f->to_s, f->amount, f->unit, f->sentence);
+                "\"unit\": \"%s\", \"loss\": %.1f, \"sentence\": \"%s\"}",
+                k ? "," : "", f->part, finding_kind_name(f->kind), f->from_s, f->to_s, f->amount, f->unit, f->loss,
+                f->sentence);
     }
     fputs("],\n", to);
 }
@@ -468,7 +481,7 @@ static void json_repetitions(FILE *to, const struct comparison *comparison)
 {
     fputs("  \"repetitions\": [", to);
     for (int32_t k = 0; k < comparison->repetitions.count; k++) {
-        const struct judged_repetition *r = &comparison->repetitions.at[k];
+        const struct performance *r = &comparison->repetitions.at[k];
         fprintf(to,
                 "%s\n    {\"from_s\": %.2f, \"to_s\": %.2f, \"reference_from_s\": %.2f, \"reference_to_s\": %.2f, "
                 "\"score\": %.1f}",
@@ -513,8 +526,16 @@ char *report_json(const struct comparison *comparison)
     FILE *to = begin_text(&t);
     if (!to)
         return NULL;
-    fprintf(to, "{\n  \"score\": %.4f,\n  \"mirrored\": %s,\n  \"level\": %.2f,\n  \"frames\": [\n", comparison->score,
-            comparison->mirrored ? "true" : "false", VERDICT_LEVEL);
+    fputs("{\n  \"score\": ", to);
+    if (comparison->relation == RELATION_SAME)
+        fprintf(to, "%.4f", comparison->score);
+    else
+        fputs("null", to);
+    fprintf(to, ",\n  \"relation\": \"%s\",\n  \"relation_sentence\": \"%s\",\n  \"mirrored\": %s,\n",
+            relation_name(comparison->relation), comparison->relation_sentence,
+            comparison->mirrored ? "true" : "false");
+    fprintf(to, "  \"judged_share\": [%.3f, %.3f],\n  \"level\": %.2f,\n  \"frames\": [\n", comparison->judged_share[0],
+            comparison->judged_share[1], VERDICT_LEVEL);
     for (int32_t f = 0; f < comparison->b.count; f++) {
         json_frame(to, comparison, f);
         fputs(f + 1 < comparison->b.count ? ",\n" : "],\n", to);
@@ -620,16 +641,25 @@ char *report_text(const struct comparison *comparison)
     FILE *to = begin_text(&t);
     if (!to)
         return NULL;
-    fprintf(to, "score %.0f of 100\n", comparison->score);
-    for (int32_t k = 0; k < comparison->finding_count; k++)
-        fprintf(to, "%-9s %s\n", finding_kind_name(comparison->findings[k].kind), comparison->findings[k].sentence);
-    if (!comparison->finding_count)
+    if (comparison->relation == RELATION_SAME)
+        fprintf(to, "score %.0f of 100\n", comparison->score);
+    else
+        fprintf(to, "no score: %s\n", comparison->relation_sentence);
+    double rest = 100 - comparison->score;
+    for (int32_t k = 0; k < comparison->finding_count; k++) {
+        const struct finding *f = &comparison->findings[k];
+        fprintf(to, "%-9s %s (%.0f points)\n", finding_kind_name(f->kind), f->sentence, f->loss);
+        rest -= f->loss;
+    }
+    if (comparison->relation == RELATION_SAME && !comparison->finding_count)
         fputs("no difference found\n", to);
+    if (comparison->relation == RELATION_SAME && rest >= 0.5)
+        fprintf(to, "small differences, none of them worth a sentence (%.0f points)\n", rest);
     char not_judged[NOT_JUDGED_BYTES];
     if (*not_judged_text(comparison, not_judged))
         fprintf(to, "%s\n", not_judged);
     for (int32_t k = 0; k < comparison->repetitions.count; k++) {
-        const struct judged_repetition *r = &comparison->repetitions.at[k];
+        const struct performance *r = &comparison->repetitions.at[k];
         fprintf(to, "repetition %d, from %.1f s to %.1f s: %.0f\n", (int)k + 1, frame_seconds(r->attempt.first),
                 frame_seconds(r->attempt.end), r->score);
     }

@@ -5,114 +5,249 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double DEGREE = 3.14159265358979323846 / 180;
+// Natural spreads, see score.h; left and right together. Offsets in rad, courses as shares, ranges as logarithms.
+static const double spread[PART_COUNT][DEVIATIONS] = {
+    [PART_HEAD] = {0.24, 0.41, 0.15},
+    [PART_UPPER_TORSO] = {0.12, 0.33, 0.16},
+    [PART_LOWER_TORSO] = {0.18, 0.34, 0.16},
+    [PART_LEFT_UPPER_ARM] = {0.30, 0.41, 0.13},
+    [PART_RIGHT_UPPER_ARM] = {0.30, 0.41, 0.13},
+    [PART_LEFT_FOREARM] = {0.41, 0.49, 0.22},
+    [PART_RIGHT_FOREARM] = {0.41, 0.49, 0.22},
+    [PART_LEFT_THIGH] = {0.41, 0.48, 0.43},
+    [PART_RIGHT_THIGH] = {0.41, 0.48, 0.43},
+    [PART_LEFT_SHIN] = {0.34, 0.48, 0.52},
+    [PART_RIGHT_SHIN] = {0.34, 0.48, 0.52},
+};
+// Variance, rad^2 (10 degrees): of a part that moves less, course and range say little.
+static const double MOVED_FLOOR = 0.03;
+static const double LARGER_SHARE = 0.5; // of a range that is too large
+static const double TRUNK_SHARE = 0.5;
+// By hand: limbs weigh as if each moved by 3 degrees at least.
+static const double MIN_MOVED_RAD = 0.05;
 
-// Chosen as score.h says.
-static const double OFFSET_SHARE = 0.5, UPPER_QUANTILE = 0.75, UPPER_SHARE = 0.8, MIN_WEIGHT_DEGREES = 3;
-static const double HALF_SCORE_DEGREES = 20, STEEPNESS = 1.5;
-// By hand: a movement of which a third is missing has the score of one that is 20 degrees off.
-static const double MISSING_DEGREES = 60, EXTRA_DEGREES = 40, TIMING_DEGREES_PER_S = 8;
+static bool is_trunk(int p) { return p == PART_HEAD || p == PART_UPPER_TORSO || p == PART_LOWER_TORSO; }
+
+double natural_offset_rad(enum part part) { return spread[part][DEVIATION_OFFSET]; }
+
+static double robust_cost(double z) { return z * z / (1 + z * z); }
 
 double score_from_terms(const struct score_terms *terms)
 {
-    bool any = false;
+    double weight = 0;
     for (int p = 0; p < PART_COUNT; p++)
-        any = any || terms->weight[p] > 0;
-    if (!any)
+        weight += terms->part[p].weight;
+    if (!(weight > 0))
         return 0;
-    const double degrees = terms->posture_rad / DEGREE + MISSING_DEGREES * terms->missing_share +
-                           EXTRA_DEGREES * terms->extra_share + TIMING_DEGREES_PER_S * fmin(terms->timing_s, 2);
-    return 100 / (1 + portable_pow(degrees / HALF_SCORE_DEGREES, STEEPNESS));
+    const double right =
+        (1 - terms->posture) * (1 - terms->missing_share) * (1 - terms->extra_share) * (1 - terms->findings);
+    return 100 * fmax(0, right);
 }
 
-enum { BINS = 1024 }; // of a chord from 0 to 2
+// ---------------------------------------------------------------- directions of parts against their carriers
 
-struct part_sums {
-    int64_t count;
-    double difference[3], direction[3], square; // of B - A; of A
-    double mean;                                // chord without the offset's share
-    int32_t bin[BINS];
+struct carried_directions {
+    double direction[PART_COUNT][3];
+    uint16_t known;
 };
 
-static void add_difference(struct part_sums *sums, const struct movement_frame *x, const struct movement_frame *y,
-                           int p)
+static void put_direction(struct carried_directions *out, int p, struct vec3 d)
 {
-    sums->count++;
+    out->direction[p][0] = d.x;
+    out->direction[p][1] = d.y;
+    out->direction[p][2] = d.z;
+    out->known |= (uint16_t)(1u << p);
+}
+
+static struct vec3 direction_of(const struct movement_frame *frame, int p)
+{
+    return v3(frame->direction[p][0], frame->direction[p][1], frame->direction[p][2]);
+}
+
+static void put_limb(struct carried_directions *out, const struct movement_frame *frame, struct quat carrier, int upper)
+{
+    const int lower = upper + 1; // recording/skeleton.h's order
+    if (!(frame->known >> upper & 1))
+        return;
+    const struct vec3 x = quat_rotate(carrier, direction_of(frame, upper));
+    put_direction(out, upper, x);
+    if (frame->known >> lower & 1)
+        put_direction(out, lower,
+                      quat_rotate(quat_between(x, v3(0, 0, -1)), quat_rotate(carrier, direction_of(frame, lower))));
+}
+
+static struct carried_directions carried_directions_of(const struct movement_frame *frame)
+{
+    const struct quat none = {0, 0, 0, 1};
+    struct carried_directions out = {.known = 0};
+    struct quat chest;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (is_trunk(p) && (frame->known >> p & 1))
+            put_direction(&out, p, direction_of(frame, p));
+    if (chest_from_upright(frame, &chest)) {
+        put_limb(&out, frame, chest, PART_LEFT_UPPER_ARM);
+        put_limb(&out, frame, chest, PART_RIGHT_UPPER_ARM);
+    }
+    put_limb(&out, frame, none, PART_LEFT_THIGH);
+    put_limb(&out, frame, none, PART_RIGHT_THIGH);
+    return out;
+}
+
+// ---------------------------------------------------------------- sums over the pairs
+
+static void add_pair(struct pair_moments *m, const double a[3], const double b[3])
+{
+    m->count++;
     for (int k = 0; k < 3; k++) {
-        sums->difference[k] += (double)y->direction[p][k] - x->direction[p][k];
-        sums->direction[k] += x->direction[p][k];
+        m->a[k] += a[k];
+        m->b[k] += b[k];
+        m->aa += a[k] * a[k];
+        m->bb += b[k] * b[k];
+        m->ab += a[k] * b[k];
     }
 }
 
-static void measure_chord(struct part_sums *sums, const struct movement_frame *x, const struct movement_frame *y, int p)
+void pair_sums_add(struct pair_sums *sums, const struct movement *a, const struct movement *b,
+                   const struct alignment *x)
+{
+    for (int32_t k = 0; k < x->count; k++) {
+        const struct movement_frame *in_a = &a->frames[x->pairs[k].a], *in_b = &b->frames[x->pairs[k].b];
+        const struct carried_directions ca = carried_directions_of(in_a), cb = carried_directions_of(in_b);
+        for (int p = 0; p < PART_COUNT; p++) {
+            if (ca.known & cb.known & 1u << p)
+                add_pair(&sums->carried[p], ca.direction[p], cb.direction[p]);
+            if (in_a->known & in_b->known & 1u << p) {
+                const double da[3] = {in_a->direction[p][0], in_a->direction[p][1], in_a->direction[p][2]},
+                             db[3] = {in_b->direction[p][0], in_b->direction[p][1], in_b->direction[p][2]};
+                add_pair(&sums->upright[p], da, db);
+            }
+        }
+    }
+}
+
+// Between directions so many frames apart the joints' noise is nearly independent (movement.h smooths by 1.5 frames);
+// a part that moves faster than 100 degrees a second is not asked. The middle of two has half their variance; what the
+// smoothing leaves in common takes off about as much again.
+enum { NOISE_STEP = 3 };
+static const double NOISE_MAX_CHORD = 0.35, NOISE_SHARE = 0.9;
+
+static double squared_distance(const double x[3], const double y[3], double share_y)
 {
     double sum = 0;
-    for (int k = 0; k < 3; k++) {
-        const double d =
-            (double)y->direction[p][k] - x->direction[p][k] - OFFSET_SHARE * sums->difference[k] / (double)sums->count;
-        sum += d * d;
-    }
-    const double chord = sqrt(sum);
-    sums->mean += chord / (double)sums->count;
-    sums->bin[(int)fmin(BINS - 1, chord * 0.5 * BINS)]++;
+    for (int k = 0; k < 3; k++)
+        sum += (x[k] - share_y * y[k]) * (x[k] - share_y * y[k]);
+    return sum;
 }
 
-// Linear within the bin; of nothing but bin 0 the mean, so that equal movements have exactly 0.
-static double chord_quantile(const struct part_sums *sums)
+static void add_noise(struct noise_sum *sum, const double before[3], const double d[3], const double after[3])
 {
-    const double wanted = UPPER_QUANTILE * (double)sums->count;
-    double before = 0;
-    for (int i = 0; i < BINS; i++) {
-        if (before + sums->bin[i] >= wanted)
-            return i ? (i + (wanted - before) / sums->bin[i]) * 2 / BINS : fmin(sums->mean, 2.0 / BINS);
-        before += sums->bin[i];
-    }
-    return 2;
+    const double both[3] = {before[0] + after[0], before[1] + after[1], before[2] + after[2]};
+    if (squared_distance(before, after, 1) > NOISE_MAX_CHORD * NOISE_MAX_CHORD)
+        return;
+    sum->sum += squared_distance(d, both, 0.5) / NOISE_SHARE;
+    sum->count++;
 }
 
-static void weigh_parts(const struct part_sums *sums, const double *reference_moved, struct score_terms *out)
+void noise_sums_add(struct noise_sum sums[PART_COUNT], const struct movement *movement, int32_t first, int32_t end)
 {
-    double weight_sum = 0, sum = 0;
-    int64_t max = 0;
-    for (int p = 0; p < PART_COUNT; p++)
-        max = sums[p].count > max ? sums[p].count : max;
-    for (int p = 0; p < PART_COUNT; p++) {
-        const struct part_sums *s = &sums[p];
-        out->part_rad[p] = NAN;
-        if (!s->count || 10 * s->count < max)
-            continue;
-        double mean2 = 0;
-        for (int k = 0; k < 3; k++)
-            mean2 += s->direction[k] * s->direction[k] / ((double)s->count * (double)s->count);
-        // Directions are unit vectors: their variance is one less the square of their mean.
-        const double moved = reference_moved ? reference_moved[p] : sqrt(fmax(0, 1 - mean2));
-        out->part_rad[p] = (1 - UPPER_SHARE) * s->mean + UPPER_SHARE * chord_quantile(s);
-        out->weight[p] = moved + MIN_WEIGHT_DEGREES * DEGREE;
-        weight_sum += out->weight[p];
-        sum += out->weight[p] * out->part_rad[p];
-    }
-    out->posture_rad = weight_sum > 0 ? sum / weight_sum : 0;
-    for (int p = 0; p < PART_COUNT && weight_sum > 0; p++)
-        out->weight[p] /= weight_sum;
-}
-
-enum status score_posture(const struct movement *a, const struct movement *b, const struct alignment *x,
-                          const struct score_scope *scope, struct score_terms *out)
-{
-    struct part_sums *sums = calloc(PART_COUNT, sizeof *sums);
-    *out = (struct score_terms){0};
-    if (!sums)
-        return fail(ERR_MEMORY, "no memory to score a movement");
-    for (int pass = 0; pass < 2; pass++)
-        for (int32_t k = 0; k < x->count; k++) {
-            if (x->pairs[k].b < scope->first || x->pairs[k].b >= scope->end)
-                continue;
-            const struct movement_frame *in_a = &a->frames[x->pairs[k].a], *in_b = &b->frames[x->pairs[k].b];
-            for (int p = 0; p < PART_COUNT; p++)
-                if (in_a->known & in_b->known & 1u << p)
-                    (pass ? measure_chord : add_difference)(&sums[p], in_a, in_b, p);
+    enum { KEPT = 2 * NOISE_STEP + 1 };
+    struct carried_directions last[KEPT] = {{.known = 0}};
+    for (int32_t f = first; f < end; f++) {
+        struct carried_directions *d = &last[f % KEPT];
+        *d = carried_directions_of(&movement->frames[f]);
+        const struct carried_directions *middle = &last[(f + KEPT - NOISE_STEP) % KEPT],
+                                        *before = &last[(f + 1) % KEPT];
+        for (int p = 0; p < PART_COUNT; p++) {
+            if (f - first >= KEPT - 1 && (d->known & middle->known & before->known & 1u << p))
+                add_noise(&sums[p], before->direction[p], middle->direction[p], d->direction[p]);
         }
-    weigh_parts(sums, scope->moved, out);
-    free(sums);
-    return OK;
+    }
+}
+
+static double product(const double x[3], const double y[3], double count)
+{
+    return (x[0] * y[0] + x[1] * y[1] + x[2] * y[2]) / (count * count);
+}
+
+struct spreads {
+    double variance_a, variance_b, covariance, offset2, course2; // rad^2; course2: the variance of the differences
+};
+
+static struct spreads spreads_of(const struct pair_moments *m)
+{
+    const double n = m->count;
+    struct spreads s = {fmax(0, m->aa / n - product(m->a, m->a, n)), fmax(0, m->bb / n - product(m->b, m->b, n)),
+                        m->ab / n - product(m->a, m->b, n), 0, 0};
+    s.offset2 = fmax(0, product(m->a, m->a, n) + product(m->b, m->b, n) - 2 * product(m->a, m->b, n));
+    s.course2 = fmax(0, s.variance_a + s.variance_b - 2 * s.covariance);
+    return s;
+}
+
+static void take_off_noise(struct spreads *s, const struct noise_sum *a, const struct noise_sum *b)
+{
+    const double noise_a = a->sum / fmax(1, a->count), noise_b = b->sum / fmax(1, b->count);
+    s->variance_a = fmax(0, s->variance_a - noise_a);
+    s->variance_b = fmax(0, s->variance_b - noise_b);
+    s->course2 = fmax(0, s->course2 - noise_a - noise_b);
+}
+
+static void measure_part(int p, const struct spreads *s, struct part_deviation *out)
+{
+    const double ratio = 0.5 * portable_log((s->variance_b + MOVED_FLOOR) / (s->variance_a + MOVED_FLOOR));
+    out->z[DEVIATION_OFFSET] = sqrt(s->offset2) / spread[p][DEVIATION_OFFSET];
+    out->z[DEVIATION_COURSE] =
+        sqrt(s->course2 / (s->variance_a + s->variance_b + MOVED_FLOOR)) / spread[p][DEVIATION_COURSE];
+    out->z[DEVIATION_RANGE] = (ratio > 0 ? LARGER_SHARE * ratio : -ratio) / spread[p][DEVIATION_RANGE];
+    out->cost = 0;
+    for (int k = 0; k < DEVIATIONS; k++)
+        out->cost += robust_cost(out->z[k]) / DEVIATIONS;
+}
+
+struct score_terms score_posture(const struct pair_sums *sums, const double *moved)
+{
+    struct score_terms terms = {.posture = 0};
+    double most = 0, sum[2] = {0};
+    for (int p = 0; p < PART_COUNT; p++)
+        most = fmax(most, sums->carried[p].count);
+    for (int p = 0; p < PART_COUNT; p++) {
+        if (!(sums->carried[p].count > 0) || 10 * sums->carried[p].count < most)
+            continue;
+        struct spreads s = spreads_of(&sums->carried[p]);
+        take_off_noise(&s, &sums->noise[0][p], &sums->noise[1][p]);
+        measure_part(p, &s, &terms.part[p]);
+        terms.part[p].weight = is_trunk(p) ? 1 : (moved ? moved[p] : sqrt(s.variance_a)) + MIN_MOVED_RAD;
+        sum[is_trunk(p)] += terms.part[p].weight;
+    }
+    for (int p = 0; p < PART_COUNT; p++) {
+        const bool trunk = is_trunk(p);
+        const double of_body = trunk ? TRUNK_SHARE : 1 - TRUNK_SHARE, share = sum[!trunk] > 0 ? of_body : 1;
+        if (terms.part[p].weight > 0)
+            terms.part[p].weight *= share / sum[trunk];
+        terms.posture += terms.part[p].weight * terms.part[p].cost;
+    }
+    return terms;
+}
+
+struct likeness likeness_of(const struct pair_sums *sums)
+{
+    struct spreads sum = {0};
+    double parts = 0, square = 0, moved_a = 0, moved_b = 0;
+    for (int p = 0; p < PART_COUNT; p++) {
+        if (!(sums->upright[p].count > 0))
+            continue;
+        const struct spreads s = spreads_of(&sums->upright[p]);
+        struct spreads still = s;
+        take_off_noise(&still, &sums->noise[0][p], &sums->noise[1][p]);
+        moved_a += still.variance_a;
+        moved_b += still.variance_b;
+        sum.variance_a += s.variance_a;
+        sum.variance_b += s.variance_b;
+        sum.covariance += s.covariance;
+        square += s.offset2 + s.course2;
+        parts++;
+    }
+    if (!(parts > 0))
+        return (struct likeness){0};
+    return (struct likeness){sum.covariance / sqrt(fmax(1e-12, sum.variance_a * sum.variance_b)), sqrt(square / parts),
+                             sqrt(moved_a / parts), sqrt(moved_b / parts)};
 }

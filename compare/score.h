@@ -1,41 +1,67 @@
 // How well an attempt matches a reference, as one number. 100: the same movement, by any person, anywhere.
 //
-// Of every part: the distance of its two directions over the pairs of the alignment (so that what only the reference
-// goes through counts, too), with half of their constant offset taken out (it is build, dress and where a sensor puts
-// the joints as often as it is posture); its mean by a fifth and its 75th percentile by four fifths: what is wrong for
-// a while counts although most is right. Parts weigh by how much the reference moves them, plus 3 degrees: in an
-// exercise of the arms the arms matter. Of a reference with repetitions only the movement that these have in common
-// counts: what a part does otherwise each time, such as legs that a tracker loses, is not the exercise. The weighted
-// mean is the deviation d, and the score is
+// Of every part of the body, its direction against the part that carries it (upper arms against the chest, forearms and
+// shins against upper arms and thighs, the others in the person's upright frame), over the pairs of the alignment:
 //
-//     100 / (1 + (d / 20 degrees)^1.5)
+//     offset   how far the mean of the differences is from none: held otherwise all along
+//     course   the standard deviation of the differences, as a share of how much both move: moved otherwise
+//     range    the logarithm of the ratio of how far both swing; a larger one counts half
 //
-// after the shares of time in which something is missing or added were charged to d, and how unevenly in time the
-// attempt goes; of repetitions d is at most the mean of theirs, each against the one that it resembles most, and only
-// posture counts. The offset's half, the percentile, its share and the 3 degrees were
-// chosen on movements 1 to 5 of UI-PRMD and exercises 1 and 2 of KIMORE, which therefore say little of other movements;
-// 20 degrees and 1.5 by hand, so that another healthy person's good attempt has about 75.
+// What the joints' noise adds is taken off: as much as directions leave the middle between those a tenth of a second
+// before and after, where the part moves slowly. Each is divided by its natural spread, its root mean square between
+// healthy people who do the same exercise right (UI-PRMD movements 1 to 5, each repetition against one of each other
+// person; score.c): z. A deviation costs z^2 / (1 + z^2) (Geman & McClure 1985), a part the mean of its three, the body
+// half the mean of trunk and head and half the mean of the limbs, which weigh as the reference moves them: in an
+// exercise of the arms the arms matter. With what is missing or added and what the findings say, each a share of what
+// is then left, that is the cost C, and the score is 100 (1 - C).
+//
+// The halves are by hand: docs/notes/comparing.md has what was tried beside them.
 #pragma once
 #include "compare/difference.h"
 
+enum deviation { DEVIATION_OFFSET, DEVIATION_COURSE, DEVIATION_RANGE, DEVIATIONS };
+
+struct part_deviation {
+    double z[DEVIATIONS]; // in natural spreads
+    double weight;        // of all parts 1 in sum; 0: the part is unknown
+    double cost;          // 0..1, without the weight
+};
+
 struct score_terms {
-    double posture_rad;          // d of the aligned frames
-    double part_rad[PART_COUNT]; // each part's; NaN where unknown
-    double weight[PART_COUNT];   // 0 where unknown
-    double missing_share;        // of the reference's moving time
-    double extra_share;          // of the attempt's
-    double timing_s;             // root mean square of what is early or late beside an even pace
+    struct part_deviation part[PART_COUNT];
+    double posture;       // weighted mean of the costs
+    double missing_share; // of the reference's moving time
+    double extra_share;   // of the attempt's
+    double findings;      // what the findings cost beside, 0..1 (findings.h)
 };
 
 double score_from_terms(const struct score_terms *terms); // 0..100; 0 where no part can be compared
 
-// What of B is scored: frames first..end - 1. moved: [PART_COUNT], how much the reference moves each part, rad; NULL:
-// as its directions vary over the pairs.
-struct score_scope {
-    int32_t first, end;
-    const double *moved;
+// What parts' directions have in common over pairs of frames, summed up; several alignments may be added, such as those
+// of repetitions. Zeroed: none.
+struct pair_sums {
+    struct pair_moments {
+        double count, a[3], b[3], aa, bb, ab;   // of the directions and of their products
+    } carried[PART_COUNT], upright[PART_COUNT]; // against the carriers; in the upright frame
+    struct noise_sum {
+        double sum, count;  // rad^2
+    } noise[2][PART_COUNT]; // of the directions of A's and of B's parts (score.c)
 };
+void pair_sums_add(struct pair_sums *sums, const struct movement *a, const struct movement *b,
+                   const struct alignment *x);
+void noise_sums_add(struct noise_sum sums[PART_COUNT], const struct movement *movement, int32_t first, int32_t end);
 
-// posture_rad, part_rad and weight, over the pairs within the scope; the rest of *out is zeroed. ERR_MEMORY.
-MUST_CHECK enum status score_posture(const struct movement *a, const struct movement *b, const struct alignment *x,
-                                     const struct score_scope *scope, struct score_terms *out);
+// posture and part; the rest of the terms is zeroed. moved: [PART_COUNT], how much the reference moves each part, rad;
+// NULL: as its directions vary over the pairs.
+struct score_terms score_posture(const struct pair_sums *sums, const double *moved);
+
+// What healthy people who do the same exercise right hold a part otherwise by, all along; root mean square, rad.
+double natural_offset_rad(enum part part);
+
+// How much two aligned movements have in common, over the parts' directions in the upright frame.
+struct likeness {
+    double correlation;              // of the directions less their means, all parts together; 1: one is a multiple
+    double rms_rad;                  // root mean square of the differences
+    double moved_a_rad, moved_b_rad; // standard deviation of each one's directions without noise, r.m.s. over the parts
+};
+struct likeness likeness_of(const struct pair_sums *sums);

@@ -408,7 +408,11 @@ static enum status write_reports(struct compare_run *run)
         return write_text(NULL, a->attempts == 1 ? report_json(&run->comparisons[0])
                                                  : report_json_attempts(run->attempts, a->attempts));
     for (int k = 0; k < a->attempts && a->attempts > 1; k++)
-        printf("attempt %d, %s: %.0f\n", k + 1, text_shown(run->attempts[k].name, shown), run->comparisons[k].score);
+        if (run->comparisons[k].relation == RELATION_SAME)
+            printf("attempt %d, %s: %.0f\n", k + 1, text_shown(run->attempts[k].name, shown),
+                   run->comparisons[k].score);
+        else
+            printf("attempt %d, %s: no score\n", k + 1, text_shown(run->attempts[k].name, shown));
     return write_text(NULL, report_text(&run->comparisons[a->attempts - 1]));
 }
 

@@ -60,7 +60,7 @@ struct live_result {
     double score; // 0..100
     double length_s;
     int findings;
-    bool compared;    // false: too little of the person was seen
+    bool compared;    // false: no score: too little of the person was seen, or it is another movement
     int64_t worst_ns; // the moment of the attempt that the summary opens at
 };
 

@@ -112,7 +112,7 @@ static void draw_score(const struct brush *brush, const struct live_state *state
     struct ui_box in = inner(box, 15), ring = cut_left(&in, 2 * SCORE_R + 8);
     const struct ui_point m = {ring.x + SCORE_R, ring.y + SCORE_R};
     ui_ring(brush->ui, m, SCORE_R - 8, 12, faint(t->text, 0.12));
-    const bool known = page->comparison && r;
+    const bool known = page->comparison && page->comparison->relation == RELATION_SAME && r;
     if (known)
         draw_arc(brush, m, SCORE_R - 8, r->score / 100, score_color(t, r->score));
     snprintf(text, sizeof text, known ? "%.0f" : "–", known ? r->score : 0);
@@ -225,6 +225,8 @@ static void draw_findings(const struct brush *brush, struct screens *screens, st
     panel(brush, box, false);
     struct ui_box in = inner(box, 14), head = cut_top(&in, 30);
     const char *none = c ? "Nothing differs that the sensor could tell" : "";
+    if (c && c->relation != RELATION_SAME)
+        none = c->relation_sentence;
     if (page->why_not)
         none = page->why_not;
     label(brush, FACE_HEAD, head, t->text, "What differs");

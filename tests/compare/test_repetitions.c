@@ -10,14 +10,14 @@
 static const uint64_t SEED = 11;
 
 // What the person does at each instant: where in the exercise they are, and whether a tracker loses the legs.
-struct performance {
+struct performed_cycle {
     double seconds[12]; // of each repetition; 0: no more
     double wait_s;      // standing still, before and after
     bool legs_lost;
     bool last_is_none; // the last "repetition" is somebody who walks off: hands and knees go elsewhere
 };
 
-static double seconds_of(const struct performance *p)
+static double seconds_of(const struct performed_cycle *p)
 {
     double sum = 2 * p->wait_s;
     for (int k = 0; p->seconds[k] > 0; k++)
@@ -25,7 +25,7 @@ static double seconds_of(const struct performance *p)
     return sum;
 }
 
-static double last_of(const struct performance *p)
+static double last_of(const struct performed_cycle *p)
 {
     int k = 0;
     while (p->seconds[k + 1] > 0)
@@ -34,7 +34,7 @@ static double last_of(const struct performance *p)
 }
 
 // Seconds of an exercise whose repetitions take 3 s each.
-static double exercise_time(const struct performance *p, double time_s)
+static double exercise_time(const struct performed_cycle *p, double time_s)
 {
     double before_s = p->wait_s;
     int k = 0;
@@ -54,7 +54,7 @@ static void walk_off(struct skeleton *s, double time_s)
     }
 }
 
-static int32_t count(const struct performance *p, struct rng *rng)
+static int32_t count(const struct performed_cycle *p, struct rng *rng)
 {
     struct exercise e = exercise_default();
     struct joint_samples samples = {0};
@@ -96,7 +96,7 @@ static void test_even_repetitions(void **state)
     struct rng rng = {SEED};
     printf("seed %llu\n", (unsigned long long)SEED);
     for (int wanted = 3; wanted <= 9; wanted++) {
-        struct performance p = {.wait_s = wanted % 3};
+        struct performed_cycle p = {.wait_s = wanted % 3};
         for (int k = 0; k < wanted; k++)
             p.seconds[k] = 3 + 0.5 * rng_normal(&rng) / 3;
         EXPECT_INT(count(&p, &rng), wanted);
@@ -108,7 +108,7 @@ static void test_the_pace_changes(void **state)
 {
     (void)state;
     struct rng rng = {SEED};
-    const struct performance p = {.seconds = {8.5, 9, 5, 4.5, 4.6, 4.4}, .wait_s = 1.5};
+    const struct performed_cycle p = {.seconds = {8.5, 9, 5, 4.5, 4.6, 4.4}, .wait_s = 1.5};
     EXPECT_INT(count(&p, &rng), 6);
 }
 
@@ -116,7 +116,7 @@ static void test_legs_that_a_tracker_loses_do_not_matter(void **state)
 {
     (void)state;
     struct rng rng = {SEED + 1};
-    const struct performance p = {.seconds = {3.4, 3, 2.8, 3.2, 3}, .wait_s = 1, .legs_lost = true};
+    const struct performed_cycle p = {.seconds = {3.4, 3, 2.8, 3.2, 3}, .wait_s = 1, .legs_lost = true};
     EXPECT_INT(count(&p, &rng), 5);
 }
 
@@ -125,7 +125,7 @@ static void test_who_walks_off_does_not_repeat(void **state)
 {
     (void)state;
     struct rng rng = {SEED + 3};
-    const struct performance p = {.seconds = {3, 3.2, 2.9, 3.1, 7}, .last_is_none = true};
+    const struct performed_cycle p = {.seconds = {3, 3.2, 2.9, 3.1, 7}, .last_is_none = true};
     EXPECT_INT(count(&p, &rng), 4);
 }
 
@@ -134,7 +134,7 @@ static void test_no_repetition(void **state)
 {
     (void)state;
     struct rng rng = {SEED + 2};
-    const struct performance still = {.wait_s = 5}, once = {.seconds = {4}, .wait_s = 2};
+    const struct performed_cycle still = {.wait_s = 5}, once = {.seconds = {4}, .wait_s = 2};
     EXPECT_INT(count(&still, &rng), 0);
     EXPECT_INT(count(&once, &rng), 0);
 }

@@ -1,0 +1,169 @@
+// Whether two movements are the same at all, repetitions of either, and that score and findings never contradict.
+#include "tests/support/test.h"
+
+#include "compare/findings.h"
+#include "tests/support/exercise.h"
+#include "tests/support/random.h"
+
+#include <string.h>
+
+static struct rng rng = {5};
+
+static struct comparison compare(const struct exercise *a, const struct exercise *b)
+{
+    const struct exercise *const of[2] = {a, b};
+    struct movement movement[2];
+    struct comparison c;
+    for (int k = 0; k < 2; k++) {
+        struct joint_samples samples;
+        exercise_samples(of[k], &rng, &samples);
+        EXPECT_STATUS(movement_from_samples(&samples, &movement[k]), OK);
+        joint_samples_free(&samples);
+    }
+    EXPECT_STATUS(comparison_make(&movement[0], &movement[1], &c), OK);
+    return c;
+}
+
+static void print_comparison(const struct comparison *c)
+{
+    print_message("score %.2f, %s: %s\n", c->score, relation_name(c->relation), c->relation_sentence);
+    for (int32_t k = 0; k < c->finding_count; k++)
+        print_message("  %5.2f points: %s\n", c->findings[k].loss, c->findings[k].sentence);
+}
+
+static void test_another_movement_has_no_score(void **state)
+{
+    (void)state;
+    struct exercise a = exercise_default(), b = a;
+    a.seconds = 3;
+    b.seconds = 5;
+    b.walking = true;
+    for (int k = 0; k < 2; k++) {
+        struct comparison c = k ? compare(&a, &b) : compare(&b, &a);
+        if (c.relation != RELATION_OTHER)
+            print_comparison(&c);
+        EXPECT_INT(c.relation, RELATION_OTHER);
+        EXPECT_NEAR(c.score, 0, 0);
+        EXPECT_INT(c.finding_count, 0);
+        EXPECT_TRUE(strlen(c.relation_sentence) > 0);
+        comparison_free(&c);
+    }
+}
+
+// The same hold twice, as a sensor sees it.
+static void test_holds_with_noise_are_the_same(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 5; k++) {
+        struct exercise a = exercise_default();
+        a.seconds = 5;
+        a.still = true;
+        a.noise_m = 0.005 * (k + 1);
+        struct comparison c = compare(&a, &a);
+        print_message("noise of %.0f mm: moves by %.3f and %.3f rad, score %.0f\n", 1e3 * a.noise_m,
+                      c.likeness.moved_a_rad, c.likeness.moved_b_rad, c.score);
+        EXPECT_INT(c.relation, RELATION_SAME);
+        comparison_free(&c);
+    }
+}
+
+// Who stops early is told so, and neither hurried nor had smaller ranges.
+static void test_only_a_part_was_done(void **state)
+{
+    (void)state;
+    struct exercise a = exercise_default(), b = a;
+    a.seconds = 3;
+    b.seconds = 1.2;
+    struct comparison c = compare(&a, &b);
+    print_comparison(&c);
+    for (int32_t k = 0; k < c.finding_count; k++)
+        EXPECT_TRUE(c.findings[k].kind == FINDING_MISSING);
+    EXPECT_NEAR(c.pace.ratio, 1, 0.1);
+    EXPECT_TRUE(c.relation == RELATION_PART || c.score < 75);
+    comparison_free(&c);
+}
+
+static void test_repetitions_of_either(void **state)
+{
+    (void)state;
+    enum { MOST = 4 };
+    for (int n = 1; n <= MOST; n++)
+        for (int m = 1; m <= MOST; m++) {
+            struct exercise a = exercise_default(), b = a;
+            a.seconds = 3 * n;
+            b.seconds = 3 * m;
+            struct comparison c = compare(&a, &b);
+            const int found = c.repetitions.count > 0 ? c.repetitions.count : 1;
+            bool invented = false;
+            for (int32_t k = 0; k < c.finding_count; k++)
+                invented = invented || strcmp(c.findings[k].unit, "times") != 0;
+            if (c.score < 97 || invented || c.repetitions.reference_count != n || found != m) {
+                print_message("%d against %d times: %d and %d found\n", n, m, c.repetitions.reference_count, found);
+                print_comparison(&c);
+            }
+            EXPECT_AT_LEAST(c.score, 97);
+            EXPECT_TRUE(!invented);
+            EXPECT_INT(c.repetitions.reference_count, n);
+            EXPECT_INT(found, m);
+            comparison_free(&c);
+        }
+}
+
+// Of what differs by chance in several ways at once.
+static void test_score_and_findings_never_contradict(void **state)
+{
+    (void)state;
+    enum { PAIRS = 400, SEED = 5 };
+    int judged = 0, found = 0;
+    rng = (struct rng){SEED};
+    for (int i = 0; i < PAIRS; i++) {
+        struct exercise a = exercise_default(), b;
+        a.seconds = 3;
+        b = a;
+        double *const wrong[] = {&b.right_elbow_rad, &b.left_elbow_rad, &b.left_arm_rad, &b.right_knee_rad,
+                                 &b.lean_rad};
+        for (size_t k = 0; k < COUNT_OF(wrong); k++)
+            *wrong[k] = rng_uniform(&rng) < 0.4 ? rng_between(&rng, 0, 0.7) : 0;
+        b.wrong_from_s = rng_between(&rng, 0, 1.5);
+        b.wrong_to_s = b.wrong_from_s + rng_between(&rng, 0.3, 1.5);
+        b.tempo = rng_between(&rng, 0.7, 1.3);
+        b.seconds = 3 / b.tempo;
+        b.noise_m = rng_between(&rng, 0, 0.01);
+        b.mirrored = rng_uniform(&rng) < 0.1;
+        struct comparison c = compare(&a, &b);
+        double lost = 0;
+        bool wrong_order = false, backwards = false;
+        for (int32_t k = 0; k < c.finding_count; k++) {
+            const struct finding *f = &c.findings[k];
+            lost += f->loss;
+            backwards = backwards || f->to_s < f->from_s;
+            wrong_order =
+                wrong_order || (k && c.findings[k - 1].kind != FINDING_MIRRORED && c.findings[k - 1].loss < f->loss);
+        }
+        judged += c.relation == RELATION_SAME;
+        found += c.finding_count;
+        const bool contradicts = lost > 100 - c.score + 1e-6 || wrong_order || backwards ||
+                                 (c.relation != RELATION_SAME && (c.finding_count || c.score > 0));
+        if (contradicts) {
+            print_message("seed %d, pair %d\n", SEED, i);
+            print_comparison(&c);
+        }
+        EXPECT_TRUE(!contradicts);
+        comparison_free(&c);
+    }
+    print_message("seed %d: %d of %d pairs judged, %d findings\n", SEED, judged, PAIRS, found);
+    EXPECT_AT_LEAST(judged, PAIRS * 0.9);
+    EXPECT_AT_LEAST(found, PAIRS);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_another_movement_has_no_score),
+        cmocka_unit_test(test_holds_with_noise_are_the_same),
+        cmocka_unit_test(test_only_a_part_was_done),
+        cmocka_unit_test(test_repetitions_of_either),
+        cmocka_unit_test(test_score_and_findings_never_contradict),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
