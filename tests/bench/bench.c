@@ -270,14 +270,14 @@ static void check_together(const struct bench_arguments *a, struct argp_state *s
 {
     const struct bench_inputs *in = &a->inputs;
     const bool dice = in->dice.films > 0;
-    const bool attempts = a->stage && !strcmp(a->stage, "attempts");
+    const bool attempts = a->stage && (!strcmp(a->stage, "attempts") || !strcmp(a->stage, "judging"));
     const int skeleton = (in->motions || dice) + !!in->joints + !!in->sequences + in->bodies + !!in->empty.count;
     if (!!in->data + skeleton > 1)
         argp_error(state, "one of --data, --motions, --dice, --bodies, --joints, --sequences and --empty at a time; "
                           "but --dice with --motions");
     if (skeleton && !attempts && (!a->stage || strcmp(a->stage, "skeleton")))
         argp_error(state, "--motions, --dice, --bodies, --joints, --sequences and --empty are the skeleton stage's; "
-                          "--motions and --dice the attempts stage's, too");
+                          "--motions and --dice those of attempts and judging, too");
     if (attempts && (in->data || in->bodies || in->joints || in->sequences || in->empty.count || in->dice.color ||
                      in->dice.strip || in->dice.features))
         argp_error(state, "of the films' options the attempts stage has --motions, --dice, --seed, --only, --seconds, "
