@@ -1052,6 +1052,19 @@ static void compose_sentence(struct finding *f)
 
 // ---------------------------------------------------------------- losses
 
+// A finding's share of what all pieces of its kind take away. 0: it is none, or one of whole repetitions.
+static double piece_share(const struct comparison *comparison, const struct finding *f)
+{
+    double all_s = 0;
+    if ((f->kind != FINDING_MISSING && f->kind != FINDING_EXTRA) || strcmp(f->unit, "s") != 0)
+        return 0;
+    for (int32_t k = 0; k < comparison->finding_count; k++) {
+        const struct finding *other = &comparison->findings[k];
+        all_s += other->kind == f->kind && !strcmp(other->unit, "s") ? other->amount : 0;
+    }
+    return all_s > 0 ? f->amount / all_s : 0;
+}
+
 // What a finding's parts cost, each shared among the findings that name it, and what it costs beside.
 static double whole_cost(const struct comparison *comparison, const struct finding *f)
 {
@@ -1064,12 +1077,7 @@ static double whole_cost(const struct comparison *comparison, const struct findi
         if (f->parts >> p & 1)
             sum += terms->part[p].weight * terms->part[p].cost / sharing;
     }
-    const bool times = !strcmp(f->unit, "times");
-    if (f->kind == FINDING_MISSING && !times)
-        sum += terms->missing_share;
-    if (f->kind == FINDING_EXTRA && !times)
-        sum += terms->extra_share;
-    return sum;
+    return sum + piece_share(comparison, f) * (f->kind == FINDING_MISSING ? terms->missing_share : terms->extra_share);
 }
 
 // What a finding costs a repetition that it lies in, by how much of that it lasts.
@@ -1100,7 +1108,7 @@ static void share_loss(struct comparison *comparison)
         all += comparison->findings[k].cost;
     const double lost = 100 - score_from_terms(terms);
     for (int32_t k = 0; k < comparison->finding_count && all > 0; k++)
-        comparison->findings[k].loss = fmin(1, whole_cost(comparison, &comparison->findings[k]) / all) * lost;
+        comparison->findings[k].loss = whole_cost(comparison, &comparison->findings[k]) / all * lost;
 }
 
 // ---------------------------------------------------------------- findings

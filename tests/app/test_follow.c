@@ -19,7 +19,7 @@
 
 enum { MOVING = 8, FRAMES = SENSOR_POSE_WARM_UP + MOVING };
 static const double SCALE = 0.75; // the smallest at which the sensor is located by the world's tags
-static const int64_t PATIENCE_NS = INT64_C(120000000000);
+static const int64_t PATIENCE_NS = INT64_C(120000000000), FILM_NS = INT64_C(10000000000);
 
 static struct scratch scratch;
 static struct place place;
@@ -176,12 +176,18 @@ static void test_all_three_look_for_body_points(void **state)
     EXPECT_TRUE((seen.looked > 0) == there);
     assert_string_equal(seen.no_body_points, result.no_body_points);
 
-    struct studio_session *studio = open_studio(file, true);
+    // The film is shorter than a look of a busy machine takes: it is shown again.
     struct studio_snapshot shown = {0};
     until_ns = clock_now_ns() + PATIENCE_NS;
-    for (; !shown.points.looked && !*shown.points.why_not && clock_now_ns() < until_ns; pause_briefly())
-        (void)studio_session_read(studio, &shown);
-    studio_session_close(&studio);
+    while (!shown.points.looked && !*shown.points.why_not && clock_now_ns() < until_ns) {
+        studio_snapshot_free(&shown);
+        shown = (struct studio_snapshot){0};
+        const int64_t again_ns = clock_now_ns() + FILM_NS;
+        struct studio_session *studio = open_studio(file, true);
+        for (; !shown.points.looked && !*shown.points.why_not && clock_now_ns() < again_ns; pause_briefly())
+            (void)studio_session_read(studio, &shown);
+        studio_session_close(&studio);
+    }
     EXPECT_TRUE((shown.points.looked > 0) == there);
     assert_string_equal(shown.points.why_not, result.no_body_points);
     studio_snapshot_free(&shown);
