@@ -33,7 +33,7 @@ struct least_squares_problem {
     // seen from there. A cost that is not finite is taken as false, too.
     bool (*sum)(void *user, enum least_squares_state state, struct least_squares_sums *sums);
     void (*keep)(void *user); // the tried state becomes the kept one
-    // Before each step: true where weights changed, by which the sums of the kept state are formed anew. NULL: never.
+    // Before each step. True: weights changed, and the sums of the kept state are computed again. NULL: they never do.
     bool (*reweigh)(void *user);
 };
 

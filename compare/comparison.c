@@ -109,8 +109,6 @@ static enum status align_all(struct comparison *comparison, struct timeline *rep
         status = align(&a, &b, &prices, &comparison->alignment);
     if (status == OK)
         status = timeline_from_alignment(&comparison->alignment, &a, &b, &comparison->timeline);
-    if (status == OK)
-        status = timeline_from_alignment(&comparison->alignment, &a, &b, repeated);
     struct performed sides[2] = {{&comparison->a, a, NULL}, {&comparison->judged, b, NULL}};
     for (int k = 0; k < 2 && status == OK; k++)
         status = movement_features(sides[k].movement, comparison->parts, NULL, &sides[k].plain);
@@ -253,7 +251,7 @@ static const double STILL_RAD = 0.07, MOVED_FACTOR = 3, SAME_POSE_RAD = 0.44, MI
 
 static void set_relation(struct comparison *comparison)
 {
-    const struct likeness *l = &comparison->likeness;
+    const struct similarity *l = &comparison->similarity;
     const double a = l->moved_a_rad, b = l->moved_b_rad, *share = comparison->judged_share;
     // Near a hold the correlation is that of noise: then the posture decides.
     const bool still_a = a < STILL_RAD, still_b = b < STILL_RAD,
@@ -296,7 +294,7 @@ static void judge_whole(struct comparison *comparison)
     noise_sums_add(sums.noise[0], &comparison->a, 0, comparison->a.count);
     noise_sums_add(sums.noise[1], &comparison->judged, 0, comparison->judged.count);
     comparison->terms = score_posture(&sums, NULL);
-    comparison->likeness = likeness_of(&sums);
+    comparison->similarity = similarity_of(&sums);
 }
 
 static void charge_times(struct comparison *comparison)
@@ -347,7 +345,7 @@ static enum status judge_repetitions(struct comparison *comparison, struct timel
     comparison->timeline = *repeated;
     *repeated = swap;
     comparison->terms = terms;
-    comparison->likeness = likeness_of(&all->sums);
+    comparison->similarity = similarity_of(&all->sums);
     comparison->judged_share[0] = comparison->judged_share[1] = 1; // nearly: MIN_COVERED in repetitions.c
     pace_free(&comparison->pace);
     return pace_measure(&comparison->a, &comparison->judged, comparison->parts, &comparison->timeline, true,

@@ -44,8 +44,8 @@ struct comparison {
     struct timeline timeline;
     struct pace pace;
     struct performances repetitions;
-    struct likeness likeness; // mean over the repetitions
-    double judged_share[2];   // of what A moves, of what B moves: how much lies in what is aligned
+    struct similarity similarity; // over all aligned pairs
+    double judged_share[2];       // of what A moves, of what B moves: how much lies in what is aligned
     enum relation relation;
     char relation_sentence[160]; // of what is not the same; else ""
     struct score_terms terms;

@@ -21,8 +21,6 @@ const struct body_joint body_joints[BODY_JOINTS] = {
     {PART_RIGHT_SHIN, CARRIER_PART, PART_RIGHT_THIGH, ANGLE_RIGHT_KNEE, 3},
 };
 
-static struct vec3 vec3_from_floats(const float d[3]) { return v3(d[0], d[1], d[2]); }
-
 static bool joint_direction(const struct movement_frame *frame, const struct body_joint *joint, struct vec3 *d,
                             double *sigma)
 {

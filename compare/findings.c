@@ -148,8 +148,6 @@ enum { SAME_REST = 15, MIN_NET = 10 };
 // By hand: what a finding costs at most beside the deviations of its parts, which are means over the whole movement.
 static const double FINDING_COST = 0.25, TIMING_SPREAD_S = 1;
 
-static double robust_cost(double z) { return z * z / (1 + z * z); }
-
 static double timing_cost(double seconds) { return FINDING_COST * robust_cost(seconds / TIMING_SPREAD_S); }
 
 static double frames_to_seconds(double frames) { return frames / MOVEMENT_RATE_HZ; }

@@ -11,6 +11,10 @@
 // An arm's or leg's posture is judged at the limb's own time: where shifting it by up to 0.5 s explains much of the
 // difference, the finding is the lateness, and only what remains is posture. A posture is held: what lasts less than a
 // third of a second, in either movement, is taken for the tracker's mistake.
+//
+// One cause is one finding: both sides alike, and a knee with its hip, are joined; a limb that moves less, or further,
+// is neither late nor early. What the score lacks (score.h) is shared among the findings as their `loss`: what the
+// parts they name cost, and what a finding costs beside, because parts cost by their means over the whole movement.
 #pragma once
 #include "compare/comparison.h"
 

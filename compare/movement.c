@@ -57,8 +57,6 @@ const char *body_angle_name(enum body_angle angle)
     return names[angle];
 }
 
-static struct vec3 vec3_from_floats(const float d[3]) { return v3(d[0], d[1], d[2]); }
-
 static bool is_known(const struct movement_frame *frame, enum part part) { return frame->known >> part & 1; }
 
 bool trunk_direction(const struct movement_frame *frame, struct vec3 *direction, double *sigma)

@@ -49,6 +49,8 @@ struct movement_frame {
     uint16_t known;                 // bit p: part p; bit PART_COUNT: shoulders
 };
 
+static inline struct vec3 vec3_from_floats(const float d[3]) { return v3(d[0], d[1], d[2]); }
+
 struct movement {
     struct movement_frame *frames;      // [count], malloc'ed
     int32_t count;                      // frame i is at i / MOVEMENT_RATE_HZ seconds after the first sample

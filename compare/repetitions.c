@@ -989,7 +989,9 @@ static enum status judge_all(const struct side *a, const struct side *b, const s
 {
     enum status status = OK;
     out->at = calloc((size_t)b->list.count, sizeof *out->at);
-    if (!out->at)
+    timeline->count = b->movement->count;
+    timeline->reference = malloc((size_t)timeline->count * sizeof *timeline->reference);
+    if (!out->at || !timeline->reference)
         return fail(ERR_MEMORY, "no memory to judge repetitions");
     for (int32_t f = 0; f < timeline->count; f++)
         timeline->reference[f] = NAN;
@@ -1105,6 +1107,7 @@ enum status performances_judge(const struct performed of[2], const struct alignm
     struct side a = {.movement = of[0].movement, .frames = of[0].features.frames, .plain = of[0].plain},
                 b = {.movement = of[1].movement, .frames = of[1].features.frames, .plain = of[1].plain};
     *out = (struct performances){.reference_count = 1};
+    *timeline = (struct timeline){0};
     enum status status = find_both(&a, &b);
     if (status == OK && a.list.count >= 2)
         measure_moved(&a);
@@ -1113,7 +1116,9 @@ enum status performances_judge(const struct performed of[2], const struct alignm
         status = judge_all(&a, &b, prices, timeline, out);
     repetition_list_free(&a.list);
     repetition_list_free(&b.list);
-    if (status != OK)
+    if (status != OK) {
         performances_free(out);
+        timeline_free(timeline);
+    }
     return status;
 }

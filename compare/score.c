@@ -30,7 +30,7 @@ static bool is_trunk(int p) { return p == PART_HEAD || p == PART_UPPER_TORSO || 
 
 double natural_offset_rad(enum part part) { return spread[part][DEVIATION_OFFSET]; }
 
-static double robust_cost(double z) { return z * z / (1 + z * z); }
+double robust_cost(double z) { return z * z / (1 + z * z); }
 
 double score_from_terms(const struct score_terms *terms)
 {
@@ -59,21 +59,17 @@ static void put_direction(struct carried_directions *out, int p, struct vec3 d)
     out->known |= (uint16_t)(1u << p);
 }
 
-static struct vec3 direction_of(const struct movement_frame *frame, int p)
-{
-    return v3(frame->direction[p][0], frame->direction[p][1], frame->direction[p][2]);
-}
-
 static void put_limb(struct carried_directions *out, const struct movement_frame *frame, struct quat carrier, int upper)
 {
     const int lower = upper + 1; // recording/skeleton.h's order
     if (!(frame->known >> upper & 1))
         return;
-    const struct vec3 x = quat_rotate(carrier, direction_of(frame, upper));
+    const struct vec3 x = quat_rotate(carrier, vec3_from_floats(frame->direction[upper]));
     put_direction(out, upper, x);
     if (frame->known >> lower & 1)
         put_direction(out, lower,
-                      quat_rotate(quat_between(x, v3(0, 0, -1)), quat_rotate(carrier, direction_of(frame, lower))));
+                      quat_rotate(quat_between(x, v3(0, 0, -1)),
+                                  quat_rotate(carrier, vec3_from_floats(frame->direction[lower]))));
 }
 
 static struct carried_directions carried_directions_of(const struct movement_frame *frame)
@@ -83,7 +79,7 @@ static struct carried_directions carried_directions_of(const struct movement_fra
     struct quat chest;
     for (int p = 0; p < PART_COUNT; p++)
         if (is_trunk(p) && (frame->known >> p & 1))
-            put_direction(&out, p, direction_of(frame, p));
+            put_direction(&out, p, vec3_from_floats(frame->direction[p]));
     if (chest_from_upright(frame, &chest)) {
         put_limb(&out, frame, chest, PART_LEFT_UPPER_ARM);
         put_limb(&out, frame, chest, PART_RIGHT_UPPER_ARM);
@@ -228,7 +224,7 @@ struct score_terms score_posture(const struct pair_sums *sums, const double *mov
     return terms;
 }
 
-struct likeness likeness_of(const struct pair_sums *sums)
+struct similarity similarity_of(const struct pair_sums *sums)
 {
     struct spreads sum = {0};
     double parts = 0, square = 0, moved_a = 0, moved_b = 0;
@@ -247,7 +243,7 @@ struct likeness likeness_of(const struct pair_sums *sums)
         parts++;
     }
     if (!(parts > 0))
-        return (struct likeness){0};
-    return (struct likeness){sum.covariance / sqrt(fmax(1e-12, sum.variance_a * sum.variance_b)), sqrt(square / parts),
-                             sqrt(moved_a / parts), sqrt(moved_b / parts)};
+        return (struct similarity){0};
+    return (struct similarity){sum.covariance / sqrt(fmax(1e-12, sum.variance_a * sum.variance_b)),
+                               sqrt(square / parts), sqrt(moved_a / parts), sqrt(moved_b / parts)};
 }

@@ -55,13 +55,15 @@ void noise_sums_add(struct noise_sum sums[PART_COUNT], const struct movement *mo
 // NULL: as its directions vary over the pairs.
 struct score_terms score_posture(const struct pair_sums *sums, const double *moved);
 
+double robust_cost(double z); // of a deviation of z natural spreads, 0..1
+
 // What healthy people who do the same exercise right hold a part otherwise by, all along; root mean square, rad.
 double natural_offset_rad(enum part part);
 
 // How much two aligned movements have in common, over the parts' directions in the upright frame.
-struct likeness {
+struct similarity {
     double correlation;              // of the directions less their means, all parts together; 1: one is a multiple
     double rms_rad;                  // root mean square of the differences
     double moved_a_rad, moved_b_rad; // standard deviation of each one's directions without noise, r.m.s. over the parts
 };
-struct likeness likeness_of(const struct pair_sums *sums);
+struct similarity similarity_of(const struct pair_sums *sums);

@@ -20,8 +20,8 @@ const struct input_map *viewer_input(const struct viewer *viewer); // what is pr
 struct ui *viewer_ui(struct viewer *viewer);                       // to draw with, between two frames
 const struct take_list *viewer_takes(const struct viewer *viewer);
 
-// The picture of the actor that was drawn last, what it was drawn for, and what draws it. The next drawing makes it
-// anew after viewer_redraw, though it be asked for the same.
+// The picture of the actor that was drawn last, what it was drawn for, and what draws it. After viewer_redraw
+// the next drawing makes it again even where the same is asked for.
 const struct take_view_image *viewer_image(const struct viewer *viewer);
 const struct take_view_request *viewer_request(const struct viewer *viewer);
 struct take_view *viewer_take_view(struct viewer *viewer); // NULL: no take is open

@@ -1,5 +1,5 @@
 // Stage "judging": what a comparison says of pairs of movements whose joints are exactly known, next to the truth: no
-// film is made and nothing is tracked, so that each error is the judgement's own, and a thousand pairs take a minute.
+// film is made and nothing is tracked, so that each error is the judgement's own.
 //
 // Three trials. Edits: a stretch of a motion, and the same edited in a known way (tests/world/edit.h) by another
 // figure. Others: different motions, holds among them. Repetitions: n times the same against m times, with rests.
@@ -183,7 +183,7 @@ static enum status make_edit(const struct judging_trial *t, int index, struct ed
         if (!t->silent) {
             printf("%4d %-12.12s %-11s %5.2f  %4.1f to %4.1f s of %4.1f  %3.0f, like %.2f, invented %d%s\n", index,
                    short_name(out->plan.motion), world_edit_name(e->kind), e->amount, e->from_s, e->to_s, e->seconds,
-                   c.score, c.likeness.correlation, out->invented,
+                   c.score, c.similarity.correlation, out->invented,
                    edit_is_posture(e->kind) && !out->first_right ? ", first wrong" : "");
             print_findings(&c);
         }
@@ -240,7 +240,7 @@ static enum status make_pair(const struct judging_trial *t, int index, struct pa
         if (!t->silent && out->refused == out->same)
             printf("     %s%s and %s%s: like %.2f, %s, score %.0f\n", hold[0] ? "a hold of " : "",
                    short_name(t->motions.name[i]), hold[1] ? "a hold of " : "", short_name(t->motions.name[j]),
-                   c.likeness.correlation, out->refused ? "refused" : "taken for the same", c.score);
+                   c.similarity.correlation, out->refused ? "refused" : "taken for the same", c.score);
     }
     comparison_free(&c);
     for (int k = 0; k < 2; k++)
@@ -302,7 +302,7 @@ static enum status make_repetitions(const struct judging_trial *t, int index, st
         if (!t->silent && (!out->count_right || out->invented || out->score < 97)) {
             printf("     %s, %.1f s, %d against %d times: %d and %d found, score %.0f, like %.2f\n",
                    short_name(t->motions.name[motion]), 2.0 * half / ATTEMPT_HZ, times[0], times[1], found[0], found[1],
-                   c.score, c.likeness.correlation);
+                   c.score, c.similarity.correlation);
             print_findings(&c);
         }
     }

@@ -61,7 +61,7 @@ static void test_holds_with_noise_are_the_same(void **state)
         a.noise_m = 0.005 * (k + 1);
         struct comparison c = compare(&a, &a);
         print_message("noise of %.0f mm: moves by %.3f and %.3f rad, score %.0f\n", 1e3 * a.noise_m,
-                      c.likeness.moved_a_rad, c.likeness.moved_b_rad, c.score);
+                      c.similarity.moved_a_rad, c.similarity.moved_b_rad, c.score);
         EXPECT_INT(c.relation, RELATION_SAME);
         comparison_free(&c);
     }
