@@ -360,9 +360,10 @@ int reenact_watch(int argc, char **argv)
     struct failure nothing_to_watch;
     enum status status = check_file(&given);
     failure_keep(&nothing_to_watch, status);
-    const struct viewer_options first = options_of(&watch);
-    if (status == OK || given.say_in_window)
+    if (status == OK || given.say_in_window) { // before that no camera is looked for
+        const struct viewer_options first = options_of(&watch);
         status = watch_open(&watch, &first);
+    }
     if (given.seconds > 0)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)
