@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <wctype.h>
 
 // ---------------------------------------------------------------- html
@@ -206,6 +207,17 @@ const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BY
     int used = snprintf(out, SECONDS_TEXT_BYTES, "%s%" PRIu64, time_ns < 0 ? "-" : "", ns / 1000000000);
     if (decimals)
         snprintf(out + used, SECONDS_TEXT_BYTES - (size_t)used, ".%0*" PRIu64, decimals, fraction);
+    return out;
+}
+
+const char *date_text(int64_t time_ns, char out[DATE_TEXT_BYTES])
+{
+    static const int64_t YEAR_2000_S = 946684800;
+    const time_t seconds = (time_t)(time_ns / 1000000000);
+    struct tm utc;
+    *out = 0;
+    if (seconds >= YEAR_2000_S && seconds <= SECONDS_MAX && gmtime_r(&seconds, &utc))
+        strftime(out, DATE_TEXT_BYTES, "%Y-%m-%dT%H:%M:%SZ", &utc);
     return out;
 }
 

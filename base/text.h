@@ -62,6 +62,11 @@ const char *text_shown(const char *text, char out[TEXT_SHOWN_BYTES]);
 enum { SECONDS_TEXT_BYTES = 32 };
 const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BYTES]);
 
+// "2026-03-04T10:15:30Z" (ISO 8601, UTC): nanoseconds since 1970, leap seconds left out, as a date. "": the time is
+// before the year 2000 or above SECONDS_MAX, as of a clock that counts from something else, such as a machine's start.
+enum { DATE_TEXT_BYTES = 32 };
+const char *date_text(int64_t time_ns, char out[DATE_TEXT_BYTES]);
+
 // A whole text as a decimal number: -12, 0.5, 1e-3; infinite where it is too large for a double. False: it is none, as
 // are hexadecimal numbers, a leading blank or plus, and nan.
 bool text_number(const char *text, double *out);

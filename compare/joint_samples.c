@@ -171,6 +171,7 @@ enum status joint_samples_add(struct joint_samples *s, const struct joint_sample
 
 void joint_samples_start_at_zero(struct joint_samples *samples)
 {
+    samples->began_ns = samples->count ? samples->at[0].time_ns : 0;
     for (int64_t i = samples->count - 1; i >= 0; i--)
         samples->at[i].time_ns -= samples->at[0].time_ns;
 }

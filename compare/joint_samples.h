@@ -26,6 +26,7 @@ struct joint_samples {
     int64_t dropped; // rows or frames left out: a number was not finite, or its time was not later than the last one's
     int64_t jumps;   // of the clock, closed up
     int64_t offset_ns; // added to the clock so far, because of them
+    int64_t began_ns;  // of the source's clock at time 0; a date where it counts from 1970 (date_text, base/text.h)
     bool sigma_given;  // false: sigma_m is default_sigma_m()
     double tilt_rad;   // by how much samples_level() turned them
     struct joint_notes notes;

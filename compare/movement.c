@@ -586,6 +586,7 @@ enum status movement_read(const char *path, const char *take, struct movement *o
         source->frames_side_mended = joint_samples_mend_sides(&samples);
         source->frames_dropped = samples.dropped;
         source->clock_jumps = samples.jumps;
+        source->began_ns = samples.began_ns;
         source->tilt_rad = samples.tilt_rad;
         source->sigma_given = samples.sigma_given;
         source->notes = samples.notes;

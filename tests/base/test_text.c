@@ -18,6 +18,12 @@ static void test_times_are_readable(void **state)
     assert_string_equal(seconds_text(INT64_MIN, 3, out), "-9223372036.854");
     assert_string_equal(seconds_text(2033333333, 6, out), "2.033333");
     assert_string_equal(seconds_text(7, 0, out), "0");
+    char date[DATE_TEXT_BYTES];
+    assert_string_equal(date_text(1772619330LL * 1000000000, date), "2026-03-04T10:15:30Z");
+    assert_string_equal(date_text(946684799999999999, date), "");
+    assert_string_equal(date_text(0, date), "");
+    assert_string_equal(date_text(INT64_MIN, date), "");
+    assert_string_equal(date_text(INT64_MAX, date), "");
 }
 
 static void test_text_is_typed(void **state)
