@@ -3,6 +3,7 @@
 
 #include "base/text.h"
 #include "compare/findings.h"
+#include "compare/good_parts.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -119,8 +120,28 @@ static void json_not_judged(FILE *to, const struct comparison *comparison)
     fprintf(to, "], \"sentence\": \"%s\"},\n", not_judged_text(comparison, sentence));
 }
 
-char *report_json(const struct comparison *comparison)
+static void json_good(FILE *to, const struct comparison *comparison)
 {
+    const uint16_t good = good_parts(comparison);
+    fputs("  \"good\": [", to);
+    for (int p = 0, count = 0; p < PART_COUNT; p++)
+        if (good >> p & 1)
+            fprintf(to, "%s\"%s\"", count++ ? ", " : "", part_name((enum part)p));
+    fputs("],\n", to);
+}
+
+static void json_date(FILE *to, const char *key, int64_t began_ns)
+{
+    char date[DATE_TEXT_BYTES];
+    if (*date_text(began_ns, date))
+        fprintf(to, "  \"%s\": \"%s\",\n", key, date);
+    else
+        fprintf(to, "  \"%s\": null,\n", key);
+}
+
+char *report_json(const struct report_attempt *attempt)
+{
+    const struct comparison *comparison = attempt->c;
     struct text t;
     FILE *to = begin_text(&t);
     if (!to)
@@ -141,7 +162,10 @@ char *report_json(const struct comparison *comparison)
     }
     json_findings(to, comparison);
     json_repetitions(to, comparison);
+    json_good(to, comparison);
     json_not_judged(to, comparison);
+    json_date(to, "date", attempt->began_ns);
+    json_date(to, "reference_date", attempt->reference_began_ns);
     json_ranges(to, comparison);
     fputs("}\n", to);
     return end_text(&t);
@@ -174,7 +198,7 @@ char *report_json_attempts(const struct report_attempt *attempts, int32_t count)
         return NULL;
     fputs("{\"attempts\": [", to);
     for (int32_t k = 0; k < count; k++) {
-        char *report = report_json(attempts[k].c);
+        char *report = report_json(&attempts[k]);
         fprintf(to, "%s\n{\"name\": ", k ? "," : "");
         json_text(to, attempts[k].name);
         fprintf(to, ", \"report\": %s}", report ? report : "null");
@@ -234,9 +258,10 @@ char *report_csv(const struct comparison *comparison)
 
 // ------------------------------------------------------------- plain text
 
-char *report_text(const struct comparison *comparison)
+char *report_text(const struct comparison *comparison, bool all)
 {
     struct text t;
+    char good[GOOD_TEXT_BYTES];
     FILE *to = begin_text(&t);
     if (!to)
         return NULL;
@@ -247,13 +272,18 @@ char *report_text(const struct comparison *comparison)
     double rest = 100 - comparison->score;
     for (int32_t k = 0; k < comparison->finding_count; k++) {
         const struct finding *f = &comparison->findings[k];
-        fprintf(to, "%-9s %s (%.0f points)\n", finding_kind_name(f->kind), f->sentence, f->loss);
         rest -= f->loss;
+        if (all || k < SHOWN_FINDINGS)
+            fprintf(to, "%-9s %s (%.0f points)\n", finding_kind_name(f->kind), f->sentence, f->loss);
     }
+    if (!all && comparison->finding_count > SHOWN_FINDINGS)
+        fprintf(to, "and %d more (--all)\n", (int)comparison->finding_count - SHOWN_FINDINGS);
     if (comparison->relation == RELATION_SAME && !comparison->finding_count)
         fputs("no difference found\n", to);
     if (comparison->relation == RELATION_SAME && rest >= 0.5)
         fprintf(to, "small differences, none of them worth a sentence (%.0f points)\n", rest);
+    if (*good_text(comparison, good))
+        fprintf(to, "Good: %s\n", good);
     char not_judged[NOT_JUDGED_BYTES];
     if (*not_judged_text(comparison, not_judged))
         fprintf(to, "%s\n", not_judged);

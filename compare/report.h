@@ -3,10 +3,6 @@
 #pragma once
 #include "compare/comparison.h"
 
-// The JSON object of `reenact compare --json`: score, frames, findings, repetitions; and beside them mirrored,
-// not_judged (parts that are not known in both, and a sentence of the joints that lack), ranges.
-char *report_json(const struct comparison *comparison);
-
 // One row a frame of B: time_s,reference_s, and of every body angle degrees in the attempt, the reference and the
 // standard deviation of their difference. Empty where unknown.
 char *report_csv(const struct comparison *comparison);
@@ -17,7 +13,13 @@ struct report_attempt {
     const char *name;
     const struct report_moment *moments; // what is shown of it in pictures
     int moment_count;
+    int64_t began_ns, reference_began_ns; // of each source's clock at time 0: a date, where date_text says so
 };
+
+// The JSON object of `reenact compare --json`: score, frames, findings, repetitions; and beside them mirrored, good
+// (the attempt's parts, good_parts.h), not_judged (parts that are not known in both, and a sentence of the joints that
+// lack), ranges, date and reference_date (ISO 8601, or null).
+char *report_json(const struct report_attempt *attempt);
 
 // All attempts as one JSON object: "attempts", in their order, each with "name" and report_json's "report".
 char *report_json_attempts(const struct report_attempt *attempts, int32_t count);
@@ -31,9 +33,9 @@ struct report_picture {
     double from_px[2], to_px[2];
 };
 
-// An instant of a finding, to be shown side by side. An azimuth is where a person is looked at from in their own
-// upright frame, rad: 0 from the front, positive from the person's left. The reference of a mirrored attempt is looked
-// at from the other side, so that the two resemble each other.
+// An instant to be shown side by side, of a finding; finding -1: where the two differ most, of all the body. An azimuth
+// is where a person is looked at from in their own upright frame, rad: 0 from the front, positive from the person's
+// left. The reference of a mirrored attempt is looked at from the other side, so that the two resemble each other.
 struct report_moment {
     int32_t finding;
     int part; // of the attempt; -1: the whole body
@@ -41,13 +43,16 @@ struct report_moment {
     struct report_picture reference, attempt; // zeroed by report_moments
 };
 enum { REPORT_MOMENTS = 6 };
-int report_moments(const struct comparison *comparison, struct report_moment moments[REPORT_MOMENTS]); // how many
-void report_moments_free(struct report_moment *moments, int count);                                    // their pictures
+// The worst finding's comes first. Returns how many; 0 where the relation is not RELATION_SAME.
+int report_moments(const struct comparison *comparison, struct report_moment moments[REPORT_MOMENTS]);
+void report_moments_free(struct report_moment *moments, int count); // their pictures
 
-// One self-contained page: score, findings, a strip over time for each part, pictures of the worst moments side by
-// side; of several attempts their scores over the attempts, and each attempt to be opened, the last one open. Light and
-// dark, wide and narrow. Names are shown as given.
+// One self-contained page without scripts: names and dates, score, findings and what is good, both people at the worst
+// moment with their joint angles, each part over time, how the two were aligned, ranges of motion. Of several attempts
+// their scores over the attempts, and each attempt to be opened, the last one open. Light and dark, from 360 px wide;
+// printed, one attempt is one sheet of A4. Names are shown as given.
 char *report_html(const struct report_attempt *attempts, int32_t count, const char *reference_name);
 
-// A few lines for a terminal.
-char *report_text(const struct comparison *comparison);
+// A few lines for a terminal, with the SHOWN_FINDINGS worst findings or all of them.
+enum { SHOWN_FINDINGS = 3 };
+char *report_text(const struct comparison *comparison, bool all);

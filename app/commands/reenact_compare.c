@@ -204,10 +204,10 @@ struct compare_arguments {
         const char *path, *take;
     } with[MAX_ATTEMPTS];
     int attempts;
-    bool json, force, figures;
+    bool json, force, figures, all;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_WITH, KEY_WITH_TAKE, KEY_JSON, KEY_HTML, KEY_CSV, KEY_FORCE, KEY_FIGURES };
+enum { KEY_TAKE = COMMAND_KEY, KEY_WITH, KEY_WITH_TAKE, KEY_JSON, KEY_HTML, KEY_CSV, KEY_FORCE, KEY_FIGURES, KEY_ALL };
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the reference's take; needed where A holds several", 0},
@@ -216,6 +216,7 @@ static const struct argp_option options[] = {
      0},
     {"html", KEY_HTML, "FILE", 0, "also write a page with pictures", 0},
     {"figures", KEY_FIGURES, NULL, 0, "stick figures in the page, instead of people as recorded", 0},
+    {"all", KEY_ALL, NULL, 0, "print every finding, not only the three worst", 0},
     {"csv", KEY_CSV, "FILE", 0, "also write the joints' angles over time", 0},
     COMMAND_OPTION_FORCE(KEY_FORCE),
     COMMAND_OPTION_JSON(KEY_JSON),
@@ -250,6 +251,7 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
     case KEY_HTML: a->html = value; return 0;
     case KEY_CSV: a->csv = value; return 0;
     case KEY_FIGURES: a->figures = true; return 0;
+    case KEY_ALL: a->all = true; return 0;
     case KEY_FORCE: a->force = true; return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->reference, value); return 0;
     case ARGP_KEY_END:
@@ -335,12 +337,12 @@ enum { STEPS = 3 }; // of an attempt: the reference read, the attempt read, both
 static enum status compare_attempt(struct compare_run *run, int k)
 {
     const struct compare_arguments *a = run->arguments;
-    struct movement_source source;
+    struct movement_source source, reference_source;
     struct movement reference = {0}, attempt = {0};
-    enum status status = movement_read(a->reference, a->take, &reference, &source);
+    enum status status = movement_read(a->reference, a->take, &reference, &reference_source);
     progress_bar_step(run->bar);
     if (status == OK && !k)
-        print_warnings(run, a->reference, &source);
+        print_warnings(run, a->reference, &reference_source);
     if (status == OK)
         status = movement_read(a->with[k].path, a->with[k].take, &attempt, &source);
     progress_bar_step(run->bar);
@@ -355,7 +357,10 @@ static enum status compare_attempt(struct compare_run *run, int k)
         run->attempts[k] = (struct report_attempt){
             &run->comparisons[k],
             a->attempts > 1 && !a->with[k].take ? a->with[k].path : name_of(a->with[k].path, a->with[k].take),
-            run->moments[k], report_moments(&run->comparisons[k], run->moments[k])};
+            run->moments[k],
+            report_moments(&run->comparisons[k], run->moments[k]),
+            source.began_ns,
+            reference_source.began_ns};
     return status;
 }
 
@@ -405,7 +410,7 @@ static enum status write_reports(struct compare_run *run)
     if (status != OK)
         return status;
     if (a->json)
-        return write_text(NULL, a->attempts == 1 ? report_json(&run->comparisons[0])
+        return write_text(NULL, a->attempts == 1 ? report_json(&run->attempts[0])
                                                  : report_json_attempts(run->attempts, a->attempts));
     for (int k = 0; k < a->attempts && a->attempts > 1; k++)
         if (run->comparisons[k].relation == RELATION_SAME)
@@ -413,7 +418,7 @@ static enum status write_reports(struct compare_run *run)
                    run->comparisons[k].score);
         else
             printf("attempt %d, %s: no score\n", k + 1, text_shown(run->attempts[k].name, shown));
-    return write_text(NULL, report_text(&run->comparisons[a->attempts - 1]));
+    return write_text(NULL, report_text(&run->comparisons[a->attempts - 1], a->all));
 }
 
 int reenact_compare(int argc, char **argv)

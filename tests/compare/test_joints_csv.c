@@ -254,7 +254,7 @@ static void test_what_is_not_judged_is_said(void **state)
         EXPECT_STATUS(comparison_make(&x, &y, &c), OK);
         EXPECT_AT_LEAST(c.score, 99);
         assert_string_equal(not_judged_text(&c, said), cases[i].words);
-        char *const reports[] = {report_text(&c), report_json(&c)};
+        char *const reports[] = {report_text(&c, true), report_json(&(struct report_attempt){.c = &c})};
         for (size_t k = 0; k < COUNT_OF(reports); k++) {
             EXPECT_TRUE(strstr(reports[k], cases[i].words));
             EXPECT_TRUE(*cases[i].words || !strstr(reports[k], "could not be judged"));
