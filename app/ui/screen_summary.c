@@ -3,6 +3,7 @@
 #include "app/ui/screen_live.h"
 #include "base/clamp.h"
 #include "compare/findings.h"
+#include "compare/good_parts.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -150,17 +151,22 @@ static int chosen_part(const struct screens *screens, const struct live_page *pa
     return f ? part_by_name(f->part) : -1;
 }
 
+static const double WORDS_X = 34, LOSS_W = 40; // of a row: where its sentence begins, what the loss needs at its end
+
+static double sentence_width(double row_w) { return row_w - WORDS_X - LOSS_W - 12; }
+
 static double row_height(const struct brush *brush, const struct finding *finding, double width)
 {
-    return fmax(TARGET, ui_text_height(brush->ui, FACE_BODY, finding->sentence, width - 46) + 14);
+    return fmax(TARGET, ui_text_height(brush->ui, FACE_BODY, finding->sentence, sentence_width(width)) + 14);
 }
 
 static void finding_row(const struct brush *brush, const struct finding *finding, bool chosen, struct ui_box row)
 {
     const struct theme *t = brush->theme;
-    const double h = ui_text_height(brush->ui, FACE_BODY, finding->sentence, row.w - 46);
+    const double w = sentence_width(row.w), h = ui_text_height(brush->ui, FACE_BODY, finding->sentence, w);
     const bool posture =
         finding->kind == FINDING_POSTURE || finding->kind == FINDING_RANGE || finding->kind == FINDING_MIRRORED;
+    char loss[16];
     if (chosen)
         ui_fill(brush->ui, row, 12, faint(t->accent, 0.2));
     // What is held differently is a disc, what is early, late or missing a ring: not by colour alone.
@@ -169,11 +175,22 @@ static void finding_row(const struct brush *brush, const struct finding *finding
         ui_disc(brush->ui, m, 7, t->wrong);
     else
         ui_ring(brush->ui, m, 6, 3, t->warn);
-    ui_text_lines(brush->ui, FACE_BODY, (struct ui_point){row.x + 34, row.y + (row.h - h) / 2}, row.w - 45, t->text,
+    ui_text_lines(brush->ui, FACE_BODY, (struct ui_point){row.x + WORDS_X, row.y + (row.h - h) / 2}, w + 1, t->text,
                   finding->sentence);
+    snprintf(loss, sizeof loss, "−%.0f", finding->loss);
+    if (finding->loss >= 0.5)
+        label_centred(brush, FACE_STRONG,
+                      (struct ui_box){row.x + row.w - LOSS_W - 8, row.y + row.h / 2 - 14, LOSS_W, 28}, t->quiet, loss);
 }
 
-// Keys go through the list.
+// How many are listed: the worst, until all are asked for.
+static int32_t listed_count(const struct screens *screens, const struct comparison *comparison)
+{
+    enum { WORST = 3 };
+    return screens->all_findings || comparison->finding_count < WORST ? comparison->finding_count : WORST;
+}
+
+// Keys go through the list, and past the worst to the others.
 static void step_finding(struct screens *screens, struct view_state *state, const struct comparison *comparison)
 {
     if (!state->list_steps)
@@ -181,22 +198,38 @@ static void step_finding(struct screens *screens, struct view_state *state, cons
     const int to = screens->finding + state->list_steps;
     state->list_steps = 0;
     screens->finding = clamp_int(to, 1, comparison->finding_count);
+    screens->all_findings |= screens->finding > listed_count(screens, comparison);
     live_state_review(&state->live, finding_moment_ns(comparison, &comparison->findings[screens->finding - 1]));
+}
+
+// "5 more" in the list's last row, a touch of which lists all.
+static void more_row(const struct brush *brush, struct screens *screens, struct view_state *state, int32_t more,
+                     struct ui_box row)
+{
+    char text[32];
+    snprintf(text, sizeof text, "%d more", (int)more);
+    if (touch_area(brush, "findings-more", row).tapped) {
+        screens->all_findings = true;
+        state->changed = true;
+    }
+    label(brush, FACE_STRONG, (struct ui_box){row.x + WORDS_X, row.y + (row.h - 28) / 2, row.w - WORDS_X, 28},
+          brush->theme->accent, text);
 }
 
 static void list_findings(const struct brush *brush, struct screens *screens, struct view_state *state,
                           const struct comparison *comparison, struct ui_box in)
 {
-    double content_h = 0;
     const int before = screens->finding;
-    for (int32_t i = 0; i < comparison->finding_count; i++)
-        content_h += row_height(brush, &comparison->findings[i], in.w);
     step_finding(screens, state, comparison);
+    const int32_t listed = listed_count(screens, comparison), left = comparison->finding_count - listed;
+    double content_h = left > 0 ? TARGET : 0;
+    for (int32_t i = 0; i < listed; i++)
+        content_h += row_height(brush, &comparison->findings[i], in.w);
     struct scroll *scroll = &screens->findings;
     const struct brush inside = scroll_begin(brush, scroll, &in, content_h);
     double y = 0;
-    int more = 0;
-    for (int32_t i = 0; i < comparison->finding_count; i++) {
+    int more = left;
+    for (int32_t i = 0; i < listed; i++) {
         char name[32];
         const double h = row_height(brush, &comparison->findings[i], in.w);
         if (screens->finding == i + 1 && screens->finding != before)
@@ -214,7 +247,26 @@ static void list_findings(const struct brush *brush, struct screens *screens, st
         }
         finding_row(brush, &comparison->findings[i], screens->finding == i + 1, row);
     }
-    scroll_end(brush, scroll, more);
+    const struct ui_box last = {in.x, in.y + y - scroll->at, in.w, TARGET};
+    const bool in_sight = last.y < in.y + in.h && last.y + last.h > in.y;
+    if (left > 0 && in_sight)
+        more_row(&inside, screens, state, left, last);
+    scroll_end(brush, scroll, left > 0 && last.y + last.h <= in.y + in.h + 1 ? 0 : more);
+}
+
+// What is good, in a line or two below the findings.
+static void good_line(const struct brush *brush, const struct comparison *comparison, struct ui_box *in)
+{
+    char good[GOOD_TEXT_BYTES], text[GOOD_TEXT_BYTES + 8];
+    if (!*good_text(comparison, good))
+        return;
+    snprintf(text, sizeof text, "Good: %s", good);
+    const double h = ui_text_height(brush->ui, FACE_SMALL, text, in->w - 24);
+    if (in->h < h + 2 * TARGET) // the findings need the room
+        return;
+    struct ui_box at = cut_bottom(in, h);
+    icon_draw(brush->ui, ICON_CHECK, (struct ui_point){at.x + 9, at.y + 11}, 18, brush->theme->accent);
+    ui_text_lines(brush->ui, FACE_SMALL, (struct ui_point){at.x + 24, at.y}, at.w - 23, brush->theme->text, text);
 }
 
 static void draw_findings(const struct brush *brush, struct screens *screens, struct view_state *state,
@@ -230,6 +282,8 @@ static void draw_findings(const struct brush *brush, struct screens *screens, st
     if (page->why_not)
         none = page->why_not;
     label(brush, FACE_HEAD, head, t->text, "What differs");
+    if (c)
+        good_line(brush, c, &in);
     if (!c || !c->finding_count)
         paragraph(brush, FACE_BODY, in, t->quiet, none);
     else
@@ -424,6 +478,7 @@ void screen_summary(const struct brush *brush, struct screens *screens, struct v
         screens->summary = state->live.judged;
         screens->finding = page->comparison && page->comparison->finding_count; // whose moment it opens at
         screens->findings = (struct scroll){0};
+        screens->all_findings = false;
     }
     draw_head(brush, state, page, l.head, l.merged, now_ns);
     draw_score(brush, &state->live, page, l.score);

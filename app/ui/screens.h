@@ -16,10 +16,11 @@ struct screens {
     bool map_held;                    // or on the map
     struct room_ui room;
     struct scroll sheet, findings;
-    int summary;    // the attempt whose findings these are
-    int finding;    // 1 more than the number of the one that is chosen; 0: none
-    int cue;        // 1 more than the part that is spoken of while it is done; 0: all is right
-    int64_t cue_ns; // since when
+    int summary;       // the attempt whose findings these are
+    int finding;       // 1 more than the number of the one that is chosen; 0: none
+    bool all_findings; // listed, not only the worst
+    int cue;           // 1 more than the part that is spoken of while it is done; 0: all is right
+    int64_t cue_ns;    // since when
 };
 
 struct take_card {

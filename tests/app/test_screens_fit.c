@@ -72,6 +72,7 @@ static void make_content(void)
                        : "Finding %d: the right forearm was held further out than the actor's while the arms went up, "
                          "from %.1f s to %.1f s",
                  i, 0.2 * i, 0.2 * i + 0.4);
+        findings[i].loss = 30 - i;
     }
     comparison = (struct comparison){.findings = findings, .finding_count = 30, .score = 74};
     for (int cell = 0; cell < 64; cell++)
@@ -520,6 +521,7 @@ static void check_list(void)
 {
     bool seen[30][2] = {0};
     show_summary(30);
+    t.screens.all_findings = true;
     draw(draw_summary);
     const struct ui_mark *more = find_mark(true, "and ");
     EXPECT_TRUE(more != NULL);
@@ -568,6 +570,7 @@ static void check_touch(void)
     }
     // Dragging scrolls, and is no tap.
     show_summary(30);
+    t.screens.all_findings = true;
     draw(draw_summary);
     t.input.pointer_x = at.x;
     t.input.pointer_y = at.y;
@@ -581,6 +584,30 @@ static void check_touch(void)
     draw(draw_summary);
     EXPECT_NEAR(t.screens.findings.at, 50, 1);
     EXPECT_INT(t.screens.finding, 0);
+}
+
+// The three worst are listed, and the others by a touch; and what is good, unless there is no room for it.
+static void check_worst(void)
+{
+    show_summary(10);
+    for (int p = 0; p < PART_COUNT; p++)
+        comparison.terms.part[p] = (struct part_deviation){.weight = 1};
+    draw(draw_summary);
+    save("summary-worst");
+    if (t.size.width >= 1280 && t.state.text_size <= 1)
+        EXPECT_TRUE(find_mark(true, "Good: the head, the trunk, the left arm") != NULL);
+    EXPECT_TRUE(find_mark(false, "finding-0") && !find_mark(false, "finding-3"));
+    EXPECT_TRUE(screens_wheel(&t.screens, &t.state, middle(t.screens.findings.box), -20));
+    draw(draw_summary);
+    const struct ui_mark *more = find_mark(false, "findings-more");
+    EXPECT_TRUE(more && find_mark(true, "7 more"));
+    const struct ui_point at = {more->box.x + 20, fmax(more->box.y, more->clip.y) + 20};
+    tap(draw_summary, at.x, at.y);
+    EXPECT_TRUE(t.screens.all_findings && !find_mark(false, "findings-more"));
+    EXPECT_TRUE(screens_wheel(&t.screens, &t.state, middle(t.screens.findings.box), -40));
+    draw(draw_summary);
+    EXPECT_TRUE(find_mark(false, "finding-9") != NULL);
+    memset(&comparison.terms, 0, sizeof comparison.terms);
 }
 
 // How many pixels of the box have the accent colour, or nearly.
@@ -772,8 +799,8 @@ static void test_icons_have_words(void **state)
 static void test_every_screen_of_every_size(void **state)
 {
     (void)state;
-    static void (*const checks[])(void) = {check_watching, check_takes, check_notices, check_doing,
-                                           check_summary,  check_list,  check_touch,   check_studio};
+    static void (*const checks[])(void) = {check_watching, check_takes, check_notices, check_doing, check_summary,
+                                           check_list,     check_touch, check_worst,   check_studio};
     t.bad = 0;
     for (size_t i = 0; i < COUNT_OF(sizes); i++)
         for (int text = 0; text < VIEW_TEXT_SIZES; text += SANITIZED ? VIEW_TEXT_SIZES - 1 : 1) {
