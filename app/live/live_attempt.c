@@ -10,7 +10,9 @@
 #include <string.h>
 
 struct attempt_judge {
-    struct attempt_task task;
+    char *path, *names[2]; // of takes: the recording's, the reference's and the attempt's; NULL: of an attempt
+    void (*notify)(void *self);
+    void *notify_self;
     struct movement part; // of the reference
     struct live_attempt attempt;
     struct worker_thread worker;
@@ -88,14 +90,23 @@ static void fill_strip(struct live_attempt *attempt)
     }
 }
 
-static void *judge(void *self)
+static enum status read_takes(struct attempt_judge *judge)
+{
+    struct movement_source source;
+    const enum status status = movement_read(judge->path, judge->names[0], &judge->part, &source);
+    return status == OK ? joint_samples_read_take(judge->path, judge->names[1], &judge->attempt.samples) : status;
+}
+
+static void *run_judge(void *self)
 {
     struct attempt_judge *j = self;
     struct live_attempt *a = &j->attempt;
     struct movement attempt = {0};
-    enum status status = fail(ERR_INPUT, "Nothing of the person was seen");
     thread_lower_priority();
-    if (a->samples.count) {
+    enum status status = j->path ? read_takes(j) : OK;
+    if (status == OK && !a->samples.count)
+        status = fail(ERR_INPUT, "Nothing of the person was seen");
+    if (status == OK) {
         (void)joint_samples_mend_sides(&a->samples);
         status = movement_from_samples(&a->samples, &attempt);
     }
@@ -109,9 +120,21 @@ static void *judge(void *self)
     movement_free(&attempt);
     movement_free(&j->part);
     atomic_store(&j->finished, true);
-    if (j->task.notify)
-        j->task.notify(j->task.notify_self);
+    if (j->notify)
+        j->notify(j->notify_self);
     return NULL;
+}
+
+// status: of what was prepared; unless OK, the judge is freed and *out NULL.
+static enum status start_thread(struct attempt_judge **out, struct attempt_judge *judge, enum status status)
+{
+    worker_thread_open(&judge->worker);
+    if (status == OK)
+        status = worker_thread_start(&judge->worker, run_judge, judge, "to judge the attempt");
+    *out = judge;
+    if (status != OK)
+        attempt_judge_close(out);
+    return status;
 }
 
 enum status attempt_judge_start(struct attempt_judge **out, const struct attempt_task *task,
@@ -123,18 +146,29 @@ enum status attempt_judge_start(struct attempt_judge **out, const struct attempt
         joint_samples_free(samples);
         return fail(ERR_MEMORY, "no memory to judge the attempt");
     }
-    j->task = *task;
+    j->notify = task->notify;
+    j->notify_self = task->notify_self;
     j->attempt = (struct live_attempt){
         .number = task->number, .mirrored = task->mirrored, .samples = *samples, .first = task->first};
     *samples = (struct joint_samples){0};
     enum status status = copy_part(task->reference, task->first, task->end, &j->part);
-    worker_thread_open(&j->worker);
-    if (status == OK)
-        status = worker_thread_start(&j->worker, judge, j, "to judge the attempt");
-    *out = j;
-    if (status != OK)
-        attempt_judge_close(out);
-    return status;
+    return start_thread(out, j, status);
+}
+
+enum status attempt_judge_start_takes(struct attempt_judge **out, const struct takes_task *task)
+{
+    *out = NULL;
+    struct attempt_judge *j = calloc(1, sizeof *j);
+    if (!j)
+        return fail(ERR_MEMORY, "no memory to compare takes");
+    j->notify = task->notify;
+    j->notify_self = task->notify_self;
+    j->attempt = (struct live_attempt){.number = task->number};
+    j->path = strdup(task->path);
+    j->names[0] = strdup(task->reference);
+    j->names[1] = strdup(task->attempt);
+    const bool copied = j->path && j->names[0] && j->names[1];
+    return start_thread(out, j, copied ? OK : fail(ERR_MEMORY, "no memory to compare takes"));
 }
 
 void attempt_judge_close(struct attempt_judge **out)
@@ -146,6 +180,9 @@ void attempt_judge_close(struct attempt_judge **out)
     if (!j->taken)
         live_attempt_free(&j->attempt);
     movement_free(&j->part);
+    free(j->path);
+    free(j->names[0]);
+    free(j->names[1]);
     free(j);
     *out = NULL;
 }

@@ -1,5 +1,5 @@
-// An attempt after it was made: compared with the reference (compare/comparison.h) on a thread of its own, so that the
-// screen goes on, and held for the summary.
+// An attempt after it was made, or a take instead of it: compared with the reference (compare/comparison.h) on a thread
+// of its own, so that the screen goes on, and held for the summary.
 #pragma once
 #include "compare/comparison.h"
 
@@ -38,6 +38,16 @@ struct attempt_task {
 // Takes over the samples, also on failure. ERR_MEMORY: *out is NULL.
 MUST_CHECK enum status attempt_judge_start(struct attempt_judge **out, const struct attempt_task *task,
                                            struct joint_samples *samples);
+
+struct takes_task {
+    const char *path, *reference, *attempt; // a recording, and two takes of it; copied
+    int number;
+    void (*notify)(void *self); // as above
+    void *notify_self;
+};
+// Both are read on the thread, too. ERR_MEMORY: *out is NULL.
+MUST_CHECK enum status attempt_judge_start_takes(struct attempt_judge **out, const struct takes_task *task);
+
 void attempt_judge_close(struct attempt_judge **j); // NULL is fine; waits for the thread
 
 // False: still judging. True, once: *out is the caller's.

@@ -45,7 +45,23 @@ static void enter_phase(struct live_state *state, enum live_phase phase, int64_t
         state->at_ns = state->marked_from_ns;
 }
 
-void live_state_to_ready(struct live_state *state, int64_t now_ns) { enter_phase(state, LIVE_READY, now_ns); }
+void live_state_to_ready(struct live_state *state, int64_t now_ns)
+{
+    if (state->of_takes)
+        state->judged = state->finished; // a result that is still to come is not shown
+    state->of_takes = false;
+    enter_phase(state, LIVE_READY, now_ns);
+}
+
+void live_state_compare_takes(struct live_state *state, int64_t now_ns)
+{
+    state->of_takes = true;
+    state->result_count = state->results_ever = 0;
+    state->marked_from_ns = state->marked_to_ns = 0;
+    state->review_at_ns = state->review_from_ns = state->review_length_ns = 0;
+    state->finished = ++state->attempt;
+    enter_phase(state, LIVE_SUMMARY, now_ns);
+}
 
 static void begin_attempt(struct live_state *state, int64_t now_ns)
 {
@@ -77,7 +93,7 @@ void live_state_open_take(struct live_state *state, int64_t length_ns, const str
 {
     state->length_ns = state->marked_to_ns = length_ns;
     state->marked_from_ns = 0;
-    state->loop = false;
+    state->loop = state->of_takes = false;
     state->orbit = *orbit;
     state->result_count = state->results_ever = 0;
     state->finished = state->judged = state->attempt;
@@ -142,6 +158,8 @@ static void start_or_stop(struct live_state *state, int64_t now_ns)
 
 void live_state_do(struct live_state *state, enum live_action action, int64_t now_ns)
 {
+    if (state->of_takes && action != LIVE_DO_BACK_STEP && action != LIVE_DO_ON_STEP)
+        return; // there is nothing to do again, or to keep
     switch (action) {
     case LIVE_DO_START: start_or_stop(state, now_ns); break;
     case LIVE_DO_SCREEN: next_screen(state); break;
@@ -339,15 +357,22 @@ static bool not_in_room(const struct live_state *state)
     return state->screen == LIVE_ROOM && state->sight.frame && !state->sight.in_place && state->phase != LIVE_SUMMARY;
 }
 
+const char *live_state_judging(const struct live_state *state)
+{
+    return state->of_takes ? "Comparing the takes" : "Judging the attempt";
+}
+
 bool live_state_hint_warns(const struct live_state *state)
 {
+    if (state->of_takes)
+        return false;
     return *state->trouble || !state->sight.seeing || person_gone(state) || second_person(state) || not_in_room(state);
 }
 
 const char *live_state_hint(const struct live_state *state)
 {
     if (state->phase == LIVE_SUMMARY)
-        return state->judged != state->finished ? "Judging the attempt" : NULL;
+        return state->judged != state->finished ? live_state_judging(state) : NULL;
     if (*state->trouble)
         return state->trouble;
     if (!state->sight.seeing)

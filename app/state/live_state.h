@@ -65,7 +65,8 @@ struct live_result {
 };
 
 struct live_state {
-    bool present; // the app was started with a sensor
+    bool present;  // the app was started with a sensor
+    bool of_takes; // LIVE_SUMMARY is of two takes that were compared, not of an attempt
     bool has_camera;
     enum live_phase phase;
     enum live_screen screen;
@@ -114,6 +115,8 @@ void live_state_open_take(struct live_state *state, int64_t length_ns, const str
 
 void live_state_do(struct live_state *state, enum live_action action, int64_t now_ns);
 void live_state_to_ready(struct live_state *state, int64_t now_ns); // leaves the attempt or the summary
+// Two takes are to be compared, without a sensor, too: the summary waits for the result, of the number `finished`.
+void live_state_compare_takes(struct live_state *state, int64_t now_ns);
 void live_state_on_sight(struct live_state *state, const struct live_sight *sight, int64_t now_ns);
 // The attempt that was finished has been judged. length_ns: of what was collected.
 void live_state_on_result(struct live_state *state, const struct live_result *result, int64_t length_ns,
@@ -126,6 +129,7 @@ int64_t live_state_tick(struct live_state *state, int64_t now_ns);
 
 // 3, 2 or 1 while counting in; else 0.
 int live_state_count(const struct live_state *state);
+const char *live_state_judging(const struct live_state *state); // what is going on until there is a result
 // One sentence for the person; NULL: nothing. Borrowed until the next call.
 const char *live_state_hint(const struct live_state *state);
 bool live_state_hint_warns(const struct live_state *state); // it says that something is wrong

@@ -147,12 +147,23 @@ static void change_speed(struct view_state *state, int by, int64_t now_ns)
     playback_set_speed(&state->playback, now_ns, view_speeds[next]);
 }
 
+static void leave_comparison(struct view_state *state)
+{
+    state->compare.wanted = false;
+    live_state_to_ready(&state->live, state->now_ns);
+    state->page = PAGE_TAKES;
+}
+
 static void go_back(struct view_state *state)
 {
     if (state->sheet != SHEET_NONE)
         state->sheet = SHEET_NONE;
     else if (state->page == PAGE_WATCH && state->moving)
         state->moving = false;
+    else if (state->page == PAGE_TAKES && state->compare.asked)
+        state->compare.asked = CHOICE_NONE;
+    else if (state->page == PAGE_LIVE && state->live.of_takes)
+        leave_comparison(state);
     else if (state->page == PAGE_LIVE && state->live.phase != LIVE_READY)
         live_state_to_ready(&state->live, state->now_ns);
     else if (state->page != PAGE_TAKES && state->take_count > 1)
@@ -194,6 +205,9 @@ static bool do_anywhere(struct view_state *state, enum view_action action)
     case DO_FULLSCREEN: state->fullscreen = !state->fullscreen; return true;
     case DO_QUIT: state->quit = true; return true;
     case DO_TAKES:
+        if (state->live.of_takes)
+            leave_comparison(state);
+        state->compare.asked = CHOICE_NONE;
         state->page = state->take_count > 0 ? PAGE_TAKES : state->page;
         state->sheet = SHEET_NONE;
         return true;
@@ -224,6 +238,8 @@ static void do_on_takes(struct view_state *state, enum view_action action)
         state->take = action == DO_TO_END ? state->take_count - 1 : 0;
     else if (action == DO_CHOOSE || action == DO_PLAY_PAUSE)
         view_state_choose_take(state, state->take);
+    else if ((action == DO_COMPARE || action == DO_MAP || action == DO_SCREENSHOT) && state->take_count > 1)
+        state->compare.asked = state->compare.asked ? CHOICE_NONE : CHOICE_REFERENCE;
 }
 
 // True: the action concerned the playback.
@@ -360,9 +376,22 @@ void view_state_do(struct view_state *state, enum view_action action, int64_t no
 
 void view_state_choose_take(struct view_state *state, int take)
 {
+    struct take_choice *c = &state->compare;
     state->take = take;
-    state->take_wanted = true;
     state->changed = true;
+    if (c->asked == CHOICE_NONE) {
+        state->take_wanted = true;
+    } else if (c->asked == CHOICE_REFERENCE) {
+        c->reference = take;
+        c->asked = CHOICE_ATTEMPT;
+    } else if (take != c->reference) {
+        c->attempt = take;
+        c->asked = CHOICE_NONE;
+        c->wanted = true;
+        state->page = PAGE_LIVE;
+        state->sheet = SHEET_NONE;
+        live_state_compare_takes(&state->live, state->now_ns);
+    }
 }
 
 void view_state_scrub(struct view_state *state, bool held, double share, int64_t now_ns)

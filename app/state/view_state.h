@@ -98,7 +98,8 @@ enum view_action {
     DO_QUIT,
     DO_PREVIOUS,
     DO_NEXT,
-    DO_CHOOSE, // on the page of takes
+    DO_CHOOSE,  // on the page of takes
+    DO_COMPARE, // there: choose two takes to be compared, or not; DO_MAP and DO_SCREENSHOT mean this there
     // On PAGE_LIVE; there the actions above mean what live_action_of says. The marks and KEEP also trim on PAGE_WATCH.
     DO_SCREEN,
     DO_PACE,
@@ -139,6 +140,13 @@ struct view_trim {
     bool wanted;            // asked for: the owner of the viewer cuts
 };
 
+// Two takes of the recording that are compared: chosen on PAGE_TAKES one after the other, shown by live's summary.
+struct take_choice {
+    enum { CHOICE_NONE, CHOICE_REFERENCE, CHOICE_ATTEMPT } asked; // which one is chosen next
+    int reference, attempt;                                       // numbers of takes
+    bool wanted; // both are chosen: the owner compares them, and says so to live
+};
+
 struct view_state {
     enum view_page page;
     enum view_sheet sheet;
@@ -147,6 +155,7 @@ struct view_state {
     int take, take_count; // the selected take, and of how many
     int take_columns;     // as the page of takes shows them; 0: one
     bool take_wanted;     // `take` has to be opened
+    struct take_choice compare;
     struct playback_clock playback;
     bool scrubbing, was_playing;
 
@@ -234,7 +243,7 @@ void view_state_set_speed(struct view_state *state, double speed, int64_t now_ns
 void view_state_set_text_size(struct view_state *state, double size, int64_t now_ns);
 void view_state_set_error(struct view_state *state, double error_px);
 void view_state_set_yaw(struct view_state *state, double yaw_rad);
-void view_state_choose_take(struct view_state *state, int take);
+void view_state_choose_take(struct view_state *state, int take); // to be opened, or as compare.asked says
 
 void view_state_on_camera(struct view_state *state, const struct view_camera *camera, int64_t now_ns);
 void view_state_set_problem(struct view_state *state, const char *sentence); // NULL: resolved

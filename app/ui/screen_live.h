@@ -18,6 +18,7 @@ struct live_page {
     int64_t person_ns;                   // the instant of the take that the person shows; -1: not known
     // The summary
     const struct comparison *comparison; // NULL: none, or not yet
+    const char *names[2];                // of two takes that were compared: reference and attempt; NULL: of an attempt
     bool mirrored;                       // it was judged by the mirrored actor
     const char *why_not;                 // why there is none; NULL
     const uint8_t (*strip)[PART_COUNT];  // [strip_cells]: over the attempt's time each part's enum verdict, more: none

@@ -120,7 +120,7 @@ static void draw_score(const struct brush *brush, const struct live_state *state
     label_centred(brush, FACE_TITLE, (struct ui_box){m.x - SCORE_R, m.y - 30, 2 * SCORE_R, 44}, t->text, text);
     label_centred(brush, FACE_SMALL, (struct ui_box){m.x - SCORE_R, m.y + 14, 2 * SCORE_R, 22}, t->quiet, "of 100");
     cut_left(&in, 8);
-    if (in.w > MIN_PROGRESS)
+    if (in.w > MIN_PROGRESS && !state->of_takes)
         draw_progress(brush, state, in);
 }
 
@@ -428,20 +428,28 @@ static void draw_figures(const struct brush *brush, const struct screens *screen
     ui_unclip(brush->ui);
     const struct ui_box row = {box.x, box.y + box.h - 40, box.w, 30};
     const char *actor = page->mirrored && box.w > 330 ? "the actor mirrored" : "the actor";
-    label_centred(brush, FACE_SMALL, (struct ui_box){row.x, row.y, row.w / 2, row.h}, t->quiet,
-                  box.w < 170 ? "actor" : actor);
-    label_centred(brush, FACE_SMALL, (struct ui_box){row.x + row.w / 2, row.y, row.w / 2, row.h}, t->quiet, "you");
+    const char *left = box.w < 170 ? "actor" : actor, *right = "you";
+    if (page->names[0]) {
+        left = page->names[0];
+        right = page->names[1];
+    }
+    label_centred(brush, FACE_SMALL, (struct ui_box){row.x + 4, row.y, row.w / 2 - 8, row.h}, t->quiet, left);
+    label_centred(brush, FACE_SMALL, (struct ui_box){row.x + row.w / 2 + 4, row.y, row.w / 2 - 8, row.h}, t->quiet,
+                  right);
 }
 
 static const struct control summary_controls[] = {{"summary-again", "Again", BUTTON_MAIN, DO_PLAY_PAUSE},
                                                   {"summary-keep", "Keep as a take", BUTTON_RAISED, DO_KEEP}};
+
+static const struct control takes_controls[] = {{"summary-takes", "Other takes", BUTTON_MAIN, DO_BACK}};
 
 static void draw_buttons(const struct brush *brush, struct view_state *state, const struct live_page *page,
                          struct ui_box row, int64_t now_ns)
 {
     static const double WIDEST = 420;
     struct ui_box at = cut_left(&row, fmin(row.w, WIDEST));
-    const int done = controls_draw(brush, summary_controls, (int)COUNT_OF(summary_controls), at);
+    const int done = state->live.of_takes ? controls_draw(brush, takes_controls, (int)COUNT_OF(takes_controls), at)
+                                          : controls_draw(brush, summary_controls, (int)COUNT_OF(summary_controls), at);
     if (done >= 0)
         view_state_do(state, (enum view_action)done, now_ns);
     if (page->keeping && row.w > 100)
@@ -452,7 +460,7 @@ static void draw_buttons(const struct brush *brush, struct view_state *state, co
 static void draw_head(const struct brush *brush, struct view_state *state, const struct live_page *page,
                       struct ui_box head, bool merged, int64_t now_ns)
 {
-    char title[64];
+    char title[300];
     if (icon_button(brush, "summary-back", (struct icon_words){ICON_BACK, "Back"}, BUTTON_RAISED,
                     cut_left(&head, TARGET)))
         view_state_do(state, DO_BACK, now_ns);
@@ -461,9 +469,13 @@ static void draw_head(const struct brush *brush, struct view_state *state, const
     const bool judged = state->live.judged == state->live.finished, room = head.w > 420 && !merged;
     snprintf(title, sizeof title, "Attempt %d%s", state->live.results_ever,
              page->mirrored && room ? ", the actor mirrored" : "");
+    if (page->names[0])
+        snprintf(title, sizeof title, "%.120s compared with %.120s", page->names[1], page->names[0]);
     if (merged)
-        draw_buttons(brush, state, page, cut_right(&head, 330), now_ns);
-    const char *judging = room ? "Judging the attempt" : "Judging";
+        draw_buttons(brush, state, page, cut_right(&head, state->live.of_takes ? 180 : 330), now_ns);
+    const char *judging = state->live.of_takes ? "Comparing" : "Judging";
+    if (room)
+        judging = live_state_judging(&state->live);
     label(brush, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w - 8, head.h}, brush->theme->text,
           judged ? title : judging);
 }

@@ -35,6 +35,14 @@ static void draw_words(const struct brush *brush, const struct take_card *card, 
     label(brush, FACE_SMALL, at, brush->theme->quiet, text);
 }
 
+// What a touch does: play it, or compare it; the reference that was chosen is checked.
+static enum icon card_icon(const struct take_choice *choice, int number)
+{
+    if (choice->asked == CHOICE_NONE)
+        return ICON_PLAY;
+    return choice->asked == CHOICE_ATTEMPT && number == choice->reference ? ICON_CHECK : ICON_COMPARE;
+}
+
 static void take_card(const struct brush *brush, struct view_state *state, struct screens *screens,
                       const struct take_card *card, int number, struct ui_box box)
 {
@@ -67,8 +75,8 @@ static void take_card(const struct brush *brush, struct view_state *state, struc
                  0xffffffff);
     }
     ui_disc(brush->ui, (struct ui_point){picture.x + picture.w - 40, picture.y + picture.h}, 27, t->accent);
-    icon_draw(brush->ui, ICON_PLAY, (struct ui_point){picture.x + picture.w - 39, picture.y + picture.h}, 26,
-              t->on_accent);
+    icon_draw(brush->ui, card_icon(&state->compare, number),
+              (struct ui_point){picture.x + picture.w - 39, picture.y + picture.h}, 26, t->on_accent);
     ui_border(brush->ui, box, ROUND, number == state->take ? 3 : 1, number == state->take ? t->accent : t->hairline);
     label(brush, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
           card->name);
@@ -117,6 +125,13 @@ static void draw_cards(const struct brush *brush, struct screens *screens, struc
     ui_unclip(brush->ui);
 }
 
+static const char *takes_title(const struct take_choice *choice)
+{
+    if (choice->asked == CHOICE_REFERENCE)
+        return "Choose the reference";
+    return choice->asked == CHOICE_ATTEMPT ? "Choose the attempt" : "Choose a take";
+}
+
 void screen_takes(const struct brush *brush, struct screens *screens, struct view_state *state,
                   const struct takes_page *page, int64_t now_ns)
 {
@@ -130,8 +145,15 @@ void screen_takes(const struct brush *brush, struct screens *screens, struct vie
         view_state_do(state, DO_QUIT, now_ns);
     if (icon_button(brush, "takes-theme", theme_words(state->dark), BUTTON_RAISED, cut_right(&buttons, TARGET)))
         view_state_do(state, DO_THEME, now_ns);
-    label(brush, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, "Choose a take");
+    const struct take_choice *choice = &state->compare;
+    if (page->count > 1 &&
+        icon_button(brush, "takes-compare", (struct icon_words){ICON_COMPARE, choice->asked ? "Cancel" : "Compare"},
+                    choice->asked ? BUTTON_ON : BUTTON_RAISED, cut_right(&buttons, TARGET)))
+        view_state_do(state, DO_COMPARE, now_ns);
+    label(brush, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, takes_title(choice));
     snprintf(text, sizeof text, page->count == 1 ? "%s · one take" : "%s · %d takes", page->file, page->count);
+    if (choice->asked == CHOICE_ATTEMPT)
+        snprintf(text, sizeof text, "Compared with %.200s", page->cards[choice->reference].name);
     label(brush, FACE_BODY, (struct ui_box){head.x, head.y + 58, head.w, 28}, t->quiet, text);
     draw_cards(brush, screens, state, page, in);
 }

@@ -177,6 +177,13 @@ static void draw_more(const struct icon_grid *grid, enum icon icon)
         STROKES(grid, false, 3, 20.5, 8, 15.5);
         STROKES(grid, false, 21, 20.5, 16, 15.5);
         break;
+    case ICON_COMPARE: // two people
+        for (int x = 7; x <= 17; x += 10) {
+            fill_dot(grid, x, 5, 2.2);
+            STROKES(grid, false, x, 9, x, 14.5);
+            STROKES(grid, false, x - 3.0, 20.5, x, 14.5, x + 3.0, 20.5);
+        }
+        break;
     case ICON_BARS: fill_bar(grid, 4, 13, 3, 7), fill_bar(grid, 10.5, 8, 3, 12), fill_bar(grid, 17, 4, 3, 16); break;
     default: break;
     }

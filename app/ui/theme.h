@@ -33,6 +33,7 @@ enum icon {
     ICON_MAP,
     ICON_FIND,
     ICON_ROOM,
+    ICON_COMPARE,
 };
 
 // size: of the icon's side, dp.

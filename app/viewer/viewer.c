@@ -526,7 +526,8 @@ static enum status draw_screen(struct viewer *viewer, int64_t now_ns)
         const struct takes_page page = {viewer->shared.takes.file, viewer->shared.takes.cards,
                                         viewer->shared.takes.count};
         screen_takes(&brush, &viewer->shared.screens, &viewer->shared.state, &page, now_ns);
-    } else if (viewer->shared.state.page == PAGE_TROUBLE || !viewer->shared.take_view) {
+    } else if (viewer->shared.state.page == PAGE_TROUBLE ||
+               (!viewer->shared.take_view && !viewer->shared.state.live.of_takes)) {
         screen_trouble(&brush, &viewer->shared.state, now_ns);
     } else if (viewer->shared.state.page == PAGE_LIVE && viewer->shared.state.live.phase == LIVE_SUMMARY) {
         screen_summary(&brush, &viewer->shared.screens, &viewer->shared.state, viewer_live_page(viewer->live), now_ns);
@@ -592,7 +593,7 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
     s->changed = false;
     if (s->page == PAGE_WATCH && v->shared.take_view)
         status = draw_take(v, surface, now_ns);
-    else if (s->page == PAGE_LIVE && v->shared.take_view)
+    else if (s->page == PAGE_LIVE && (v->shared.take_view || s->live.of_takes))
         status = draw_live(v, surface, now_ns);
     if (status == OK && s->page == PAGE_WATCH && v->shared.take_view)
         status = viewer_room_draw(v->room, surface, now_ns);

@@ -199,14 +199,80 @@ static void tell_sight(struct viewer_live *live, int64_t now_ns)
     }
 }
 
+// Nothing is judged by this one: the screen says why.
+static void show_failure(struct viewer_live *live, int64_t now_ns)
+{
+    const struct live_result none = {0};
+    live_attempt_free(&live->shown);
+    live->shown.number = live->shared->state.live.finished;
+    snprintf(live->shown.why, sizeof live->shown.why, "%.199s", status_message());
+    live_state_on_result(&live->shared->state.live, &none, 0, now_ns);
+}
+
+// Two takes were chosen. While an earlier result is still being made they wait for it.
+static void compare_takes(struct viewer_live *live, int64_t now_ns)
+{
+    struct take_choice *choice = &live->shared->state.compare;
+    if (!choice->wanted || live->judge)
+        return;
+    choice->wanted = false;
+    const struct takes_task task = {.path = live->shared->options.file,
+                                    .reference = live->shared->takes.cards[choice->reference].name,
+                                    .attempt = live->shared->takes.cards[choice->attempt].name,
+                                    .number = live->shared->state.live.finished,
+                                    .notify = live->shared->options.wake,
+                                    .notify_self = live->shared->options.wake_self};
+    if (attempt_judge_start_takes(&live->judge, &task) != OK)
+        show_failure(live, now_ns);
+}
+
+// The floor point under a skeleton and the direction to its left. False: not known.
+static bool find_stance(const struct skeleton *skeleton, struct vec3 *floor_point, struct vec3 *left)
+{
+    if (!(skeleton->confidence[JOINT_LEFT_HIP] > 0 && skeleton->confidence[JOINT_RIGHT_HIP] > 0))
+        return false;
+    *left = v3_sub(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP]);
+    left->z = 0;
+    if (v3_length(*left) < 0.02)
+        return false;
+    *left = v3_unit(*left);
+    *floor_point = v3_mix(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP], 0.5);
+    double z = INFINITY;
+    for (int f = 0; f < 2; f++) {
+        const enum joint foot = f ? JOINT_RIGHT_FOOT : JOINT_LEFT_FOOT;
+        z = skeleton->confidence[foot] > 0 ? fmin(z, skeleton->joint[foot].z) : z;
+    }
+    floor_point->z = isfinite(z) ? z : 0;
+    return true;
+}
+
+// Who was filmed is seen from the front, a little from their left.
+static void look_at_front(struct viewer_live *live)
+{
+    static const double ASIDE_RAD = 0.3, RISE_RAD = 0.1, DISTANCE_M = 3;
+    struct vec3 at, left = {1, 0, 0};
+    struct skeleton skeleton;
+    if (!live_attempt_skeleton(&live->shown, 0, &skeleton) || !find_stance(&skeleton, &at, &left))
+        left = v3(1, 0, 0);
+    live->shared->state.live.orbit =
+        (struct orbit){.angle_rad = atan2(left.y, left.x) + ASIDE_RAD, .rise_rad = RISE_RAD, .distance_m = DISTANCE_M};
+}
+
 static void adopt_result(struct viewer_live *live, int64_t now_ns)
 {
     struct live_attempt attempt;
     if (!live->judge || !attempt_judge_finished(live->judge, &attempt))
         return;
     attempt_judge_close(&live->judge);
+    const struct live_state *state = &live->shared->state.live;
+    if (attempt.number != state->finished || state->judged == state->finished) { // it was left meanwhile
+        live_attempt_free(&attempt);
+        return;
+    }
     live_attempt_free(&live->shown);
     live->shown = attempt;
+    if (state->of_takes)
+        look_at_front(live);
     const struct joint_samples *s = &attempt.samples;
     const int64_t length_ns = s->count ? s->at[s->count - 1].time_ns : 0;
     const struct comparison *c = &attempt.comparison;
@@ -233,6 +299,8 @@ static void tell_kept(struct viewer_live *live, int64_t now_ns)
 
 void viewer_live_update(struct viewer_live *live, int64_t now_ns)
 {
+    adopt_result(live, now_ns);
+    compare_takes(live, now_ns);
     if (!live->sensor)
         return;
     const int64_t before = live->frame ? live->frame->number : 0;
@@ -240,7 +308,6 @@ void viewer_live_update(struct viewer_live *live, int64_t now_ns)
     live->shared->state.changed |=
         live->frame && live->frame->number != before && live->shared->state.page == PAGE_LIVE;
     tell_sight(live, now_ns);
-    adopt_result(live, now_ns);
     tell_kept(live, now_ns);
 }
 
@@ -261,13 +328,8 @@ static void judge_attempt(struct viewer_live *live, int64_t now_ns)
                                       .number = live->shared->state.live.finished,
                                       .notify = live->shared->options.wake,
                                       .notify_self = live->shared->options.wake_self};
-    if (attempt_judge_start(&live->judge, &task, &samples) != OK) {
-        const struct live_result none = {0};
-        live_attempt_free(&live->shown);
-        live->shown.number = live->shared->state.live.finished;
-        snprintf(live->shown.why, sizeof live->shown.why, "%.199s", status_message());
-        live_state_on_result(&live->shared->state.live, &none, 0, now_ns);
-    }
+    if (attempt_judge_start(&live->judge, &task, &samples) != OK)
+        show_failure(live, now_ns);
 }
 
 void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
@@ -277,7 +339,8 @@ void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
         return;
     if (s->finished != live->finished) {
         live->finished = s->finished;
-        judge_attempt(live, now_ns);
+        if (!s->of_takes)
+            judge_attempt(live, now_ns);
     }
     const int32_t at = frame_at(live, s->at_ns);
     live->first = frame_at(live, s->marked_from_ns);
@@ -298,26 +361,6 @@ void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
 }
 
 // ---------------------------------------------------------------- the two worlds
-
-// The floor point under a skeleton and the direction to its left. False: not known.
-static bool find_stance(const struct skeleton *skeleton, struct vec3 *floor_point, struct vec3 *left)
-{
-    if (!(skeleton->confidence[JOINT_LEFT_HIP] > 0 && skeleton->confidence[JOINT_RIGHT_HIP] > 0))
-        return false;
-    *left = v3_sub(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP]);
-    left->z = 0;
-    if (v3_length(*left) < 0.02)
-        return false;
-    *left = v3_unit(*left);
-    *floor_point = v3_mix(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP], 0.5);
-    double z = INFINITY;
-    for (int f = 0; f < 2; f++) {
-        const enum joint foot = f ? JOINT_RIGHT_FOOT : JOINT_LEFT_FOOT;
-        z = skeleton->confidence[foot] > 0 ? fmin(z, skeleton->joint[foot].z) : z;
-    }
-    floor_point->z = isfinite(z) ? z : 0;
-    return true;
-}
 
 // While nothing moves: the actor is put beside the person, facing alike.
 static void update_anchor(struct viewer_live *live)
@@ -419,7 +462,7 @@ static void fill_review(struct viewer_live *live)
     const double frame = live_attempt_reference(a, s->review_at_ns);
     if (isnan(frame))
         return;
-    const struct movement_frame pose = movement_at(reference_of(live, a->mirrored), frame);
+    const struct movement_frame pose = movement_at(&a->comparison.a, frame - a->first);
     if (pose_figure_make(figure, &pose, &pose, &live->reference_figure)) {
         for (int j = 0; j < JOINT_COUNT; j++)
             live->reference_figure.joint[j] = v3_sub(live->reference_figure.joint[j], v3_scale(right, 2));
@@ -572,6 +615,11 @@ enum status viewer_live_draw(struct viewer_live *live, const struct viewer_surfa
     request->loop = s->loop;
     live->image_mirrored = s->mirrored;
     if (s->phase == LIVE_SUMMARY) {
+        const struct take_choice *choice = &live->shared->state.compare;
+        if (s->of_takes) {
+            live->page.names[0] = live->shared->takes.cards[choice->reference].name;
+            live->page.names[1] = live->shared->takes.cards[choice->attempt].name;
+        }
         live->shared->image =
             (struct take_view_image){.lens = request->lens, .world_from_camera = request->world_from_camera};
         fill_review(live);
