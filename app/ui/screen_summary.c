@@ -18,6 +18,7 @@ struct summary_layout {
 };
 
 static const double SCORE_H = 2 * 62 + 30, HIGH = 640, UPRIGHT_HIGH = 1000, LOW = 460, SCORE_W = 150;
+static const double WORST_H = 330; // for the worst findings without scrolling
 
 // Between head and buttons: the strip below, and beside or over one another score, figures and findings. What is lower
 // has a strip of one row, then head and buttons in one.
@@ -42,7 +43,7 @@ static struct summary_layout compute_layout(double width, double height)
         l.findings = in;
     } else if (wide) {
         l.figures = cut_left(&in, in.w * 0.46);
-        l.score = cut_top(&in, SCORE_H);
+        l.score = in.h < SCORE_H + WORST_H ? cut_left(&in, SCORE_W) : cut_top(&in, SCORE_H);
         l.findings = in;
     } else {
         l.score = cut_top(&in, SCORE_H);
@@ -88,14 +89,14 @@ static void draw_arc(const struct brush *brush, struct ui_point point, double ra
 static void draw_progress(const struct brush *brush, const struct live_state *state, struct ui_box box)
 {
     const struct theme *t = brush->theme;
-    enum { MOST = 12 };
+    const int most = box.w > MIN_PROGRESS ? 12 : 5;
     const bool first = state->result_count < 2;
-    const int count = state->result_count < MOST ? state->result_count : MOST;
-    const double bar = fmin(28, (box.w + GAP) / MOST - GAP), max = box.h - 26;
+    const int count = state->result_count < most ? state->result_count : most;
+    const double bar = fmin(28, (box.w + GAP) / most - GAP), max = fmin(box.h - 26, 100);
     for (int i = 0; i < count; i++) {
         const struct live_result *r = &state->results[state->result_count - count + i];
         const double h = r->compared ? fmax(4, max * r->score / 100) : 4;
-        const struct ui_box at = {box.x + i * (bar + GAP), box.y + max - h, bar, h};
+        const struct ui_box at = {box.x + i * (bar + GAP), box.y + box.h - 26 - h, bar, h};
         const double opacity = i == count - 1 ? 1 : 0.45; // the newest stands out
         ui_fill(brush->ui, at, 5, r->compared ? faint(score_color(t, r->score), opacity) : faint(t->text, 0.2));
     }
@@ -110,7 +111,8 @@ static void draw_score(const struct brush *brush, const struct live_state *state
     char text[64];
     const struct live_result *r = state->result_count ? &state->results[state->result_count - 1] : NULL;
     panel(brush, box, false);
-    struct ui_box in = inner(box, 15), ring = cut_left(&in, 2 * SCORE_R + 8);
+    struct ui_box in = inner(box, 15), below = in, ring = cut_left(&in, 2 * SCORE_R + 8);
+    cut_top(&below, 2 * SCORE_R + 8);
     const struct ui_point m = {ring.x + SCORE_R, ring.y + SCORE_R};
     ui_ring(brush->ui, m, SCORE_R - 8, 12, faint(t->text, 0.12));
     const bool known = page->comparison && page->comparison->relation == RELATION_SAME && r;
@@ -122,6 +124,8 @@ static void draw_score(const struct brush *brush, const struct live_state *state
     cut_left(&in, 8);
     if (in.w > MIN_PROGRESS && !state->of_takes)
         draw_progress(brush, state, in);
+    else if (below.h > MIN_PROGRESS - 50 && !state->of_takes)
+        draw_progress(brush, state, below);
 }
 
 // ---------------------------------------------------------------- findings
@@ -430,8 +434,9 @@ static void draw_figures(const struct brush *brush, const struct screens *screen
     const char *actor = page->mirrored && box.w > 330 ? "the actor mirrored" : "the actor";
     const char *left = box.w < 170 ? "actor" : actor, *right = "you";
     if (page->names[0]) {
-        left = page->names[0];
-        right = page->names[1];
+        const bool room = box.w >= 170; // else the title has both
+        left = room ? page->names[0] : "";
+        right = room ? page->names[1] : "";
     }
     label_centred(brush, FACE_SMALL, (struct ui_box){row.x + 4, row.y, row.w / 2 - 8, row.h}, t->quiet, left);
     label_centred(brush, FACE_SMALL, (struct ui_box){row.x + row.w / 2 + 4, row.y, row.w / 2 - 8, row.h}, t->quiet,

@@ -125,6 +125,17 @@ static void draw_cards(const struct brush *brush, struct screens *screens, struc
     ui_unclip(brush->ui);
 }
 
+// Begins or ends the choice of two takes; in words where there is room.
+static bool compare_button(const struct brush *brush, bool asked, struct ui_box *row)
+{
+    static const double WIDE = 640, WORDS_W = 150;
+    const char *words = asked ? "Cancel" : "Compare";
+    const enum button_kind kind = asked ? BUTTON_ON : BUTTON_RAISED;
+    if (row->w > WIDE - 2 * TARGET)
+        return text_button(brush, "takes-compare", words, kind, cut_right(row, WORDS_W));
+    return icon_button(brush, "takes-compare", (struct icon_words){ICON_COMPARE, words}, kind, cut_right(row, TARGET));
+}
+
 static const char *takes_title(const struct take_choice *choice)
 {
     if (choice->asked == CHOICE_REFERENCE)
@@ -146,14 +157,12 @@ void screen_takes(const struct brush *brush, struct screens *screens, struct vie
     if (icon_button(brush, "takes-theme", theme_words(state->dark), BUTTON_RAISED, cut_right(&buttons, TARGET)))
         view_state_do(state, DO_THEME, now_ns);
     const struct take_choice *choice = &state->compare;
-    if (page->count > 1 &&
-        icon_button(brush, "takes-compare", (struct icon_words){ICON_COMPARE, choice->asked ? "Cancel" : "Compare"},
-                    choice->asked ? BUTTON_ON : BUTTON_RAISED, cut_right(&buttons, TARGET)))
+    if (page->count > 1 && compare_button(brush, choice->asked != CHOICE_NONE, &buttons))
         view_state_do(state, DO_COMPARE, now_ns);
     label(brush, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, takes_title(choice));
     snprintf(text, sizeof text, page->count == 1 ? "%s · one take" : "%s · %d takes", page->file, page->count);
     if (choice->asked == CHOICE_ATTEMPT)
-        snprintf(text, sizeof text, "Compared with %.200s", page->cards[choice->reference].name);
+        snprintf(text, sizeof text, "%.200s · the reference", page->cards[choice->reference].name);
     label(brush, FACE_BODY, (struct ui_box){head.x, head.y + 58, head.w, 28}, t->quiet, text);
     draw_cards(brush, screens, state, page, in);
 }

@@ -440,6 +440,16 @@ static void fill_person(struct viewer_live *live, struct pose world_from_live)
     fill_ghost(live);
 }
 
+// A figure from the origin to the side, turned so that it is seen there as it would be at the origin: the same pose
+// looks the same on both sides.
+static struct skeleton put_beside(const struct viewer_live *live, const struct skeleton *figure, struct vec3 to)
+{
+    const struct vec3 eye = live->shared->image.world_from_camera.translation, from = v3_sub(eye, to);
+    const double yaw_rad = atan2(from.y, from.x) - atan2(eye.y, eye.x);
+    const struct pose pose = {quat_from_rotation_vector(v3(0, 0, yaw_rad)), to};
+    return skeleton_transform(pose, figure);
+}
+
 // The attempt at the reviewed instant, and the reference's pose on the same bones to its right.
 static void fill_review(struct viewer_live *live)
 {
@@ -454,18 +464,19 @@ static void fill_review(struct viewer_live *live)
     if (!live->page.comparison || !live_attempt_skeleton(a, s->review_at_ns, &live->attempt_figure))
         return;
     struct vec3 at, left;
-    struct skeleton *figure = &live->attempt_figure;
     const struct vec3 right = v3_scale(picture_right(live), 0.5 * BESIDE_M);
-    if (find_stance(figure, &at, &left)) // it stands right of the origin
-        *figure = skeleton_transform((struct pose){{0, 0, 0, 1}, v3_sub(right, at)}, figure);
-    live->page.attempt = figure;
+    const struct skeleton in_world = live->attempt_figure;
+    struct skeleton figure = in_world;
+    if (find_stance(&in_world, &at, &left))
+        figure = skeleton_transform((struct pose){{0, 0, 0, 1}, v3_scale(at, -1)}, &in_world);
+    live->attempt_figure = put_beside(live, &figure, right);
+    live->page.attempt = &live->attempt_figure;
     const double frame = live_attempt_reference(a, s->review_at_ns);
     if (isnan(frame))
         return;
     const struct movement_frame pose = movement_at(&a->comparison.a, frame - a->first);
-    if (pose_figure_make(figure, &pose, &pose, &live->reference_figure)) {
-        for (int j = 0; j < JOINT_COUNT; j++)
-            live->reference_figure.joint[j] = v3_sub(live->reference_figure.joint[j], v3_scale(right, 2));
+    if (pose_figure_make(&figure, &pose, &pose, &live->reference_figure)) {
+        live->reference_figure = put_beside(live, &live->reference_figure, v3_scale(right, -1));
         live->page.reference = &live->reference_figure;
     }
     const int32_t f = (int32_t)lround((double)s->review_at_ns * 1e-9 * MOVEMENT_RATE_HZ);

@@ -374,6 +374,12 @@ static void check_takes(void)
 {
     t.state.page = PAGE_TAKES;
     expect_fits("takes", draw_takes);
+    t.state.compare.asked = CHOICE_REFERENCE;
+    expect_fits("takes-reference", draw_takes);
+    t.state.compare.asked = CHOICE_ATTEMPT;
+    t.state.compare.reference = 2; // of a long name
+    expect_fits("takes-attempt", draw_takes);
+    t.state.compare.asked = CHOICE_NONE;
     t.state.page = PAGE_TROUBLE;
     t.state.trouble =
         "/home/someone/films/a file of a long name.reenact is damaged at its end: the power was cut while "
@@ -489,6 +495,16 @@ static void check_summary(void)
         live_page.mirrored = i & 1;
         expect_fits(name, draw_summary);
     }
+    // Of two takes, while they are compared and afterwards.
+    t.state.live.of_takes = true;
+    live_page.names[0] = long_name;
+    live_page.names[1] = japanese;
+    expect_fits("summary-takes", draw_summary);
+    t.state.live.judged--;
+    live_page.comparison = NULL;
+    expect_fits("summary-comparing", draw_summary);
+    t.state.live.of_takes = false;
+    live_page.names[0] = live_page.names[1] = NULL;
 }
 
 static void tap(draw_fn *fn, double x, double y)
