@@ -559,9 +559,13 @@ static enum status check_support(const struct joint_samples *samples, const char
 
 // ------------------------------------------------------------- handedness
 
+// A joint that bends one way alone, and the sine of the least bend that tells which way: a sensor sees a straight knee
+// bent backwards by up to 37 degrees, and an elbow by 25 (Kinect v2, 76 people of KIMORE who stand).
 struct hinge {
     enum joint upper, middle, lower;
+    double least;
 };
+static const double KNEE_SINE = 0.643, ELBOW_SINE = 0.5; // 40 and 30 degrees
 
 static void bends_of(const struct skeleton *skeleton, const struct hinge *hinge, struct vec3 left, double bend[2],
                      int64_t *count)
@@ -572,7 +576,7 @@ static void bends_of(const struct skeleton *skeleton, const struct hinge *hinge,
     const struct vec3 upper = v3_unit(v3_sub(skeleton->joint[hinge->middle], skeleton->joint[hinge->upper])),
                       lower = v3_unit(v3_sub(skeleton->joint[hinge->lower], skeleton->joint[hinge->middle]));
     const double sense = v3_dot(v3_cross(upper, lower), left);
-    if (!(fabs(sense) > 0.2)) // 12 degrees: less is noise
+    if (!(fabs(sense) > hinge->least))
         return;
     bend[sense > 0] += fabs(sense);
     (*count)++;
@@ -582,10 +586,10 @@ static void bends_of(const struct skeleton *skeleton, const struct hinge *hinge,
 // count, too.
 static int find_handedness(const struct joint_samples *samples, bool doubt)
 {
-    static const struct hinge knees[2] = {{JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-                                          {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}},
-                              elbows[2] = {{JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
-                                           {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND}};
+    const struct hinge knees[2] = {{JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, KNEE_SINE},
+                                   {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, KNEE_SINE}},
+                       elbows[2] = {{JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, ELBOW_SINE},
+                                    {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, ELBOW_SINE}};
     static const enum joint pairs[2][2] = {{JOINT_LEFT_HIP, JOINT_RIGHT_HIP},
                                            {JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER}};
     double bend[2][2] = {{0}};
