@@ -35,6 +35,15 @@ MUST_CHECK enum status recorded_verdict_check(struct recording *r, int64_t *dama
 // Gives a copy of the take the same verdict; one that cannot be read is left out. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status recorded_verdict_copy(struct database *from, int64_t take, struct database *to, int64_t copy);
 
+// The same of what is expected of takes (recorded_expectation.h). Further takes are named in the copy only where it is
+// in the same file, or in one in which all takes have their numbers: same_file.
+MUST_CHECK enum status recorded_expectation_check(struct recording *r, int64_t *damaged);
+MUST_CHECK enum status recorded_expectation_copy(struct database *from, int64_t take, struct database *to, int64_t copy,
+                                                 bool same_file);
+// When the take is deleted: what is expected of it, and what names it as a further reference. ERR_IO, ERR_MEMORY,
+// ERR_CORRUPT.
+MUST_CHECK enum status recorded_expectation_forget(struct database *db, int64_t take);
+
 // Decodes one row of FRAME_COLUMNS. ERR_CORRUPT with the frame's number; *out is then undefined.
 MUST_CHECK enum status frame_from_row(struct statement *s, struct take_entry *out);
 // The same, as if its id were `key`.

@@ -277,13 +277,17 @@ static enum status open_both(struct repair *repair, const char *path, const char
     return status == OK ? frame_copier_find_strays(repair->copier) : status;
 }
 
-// What was said of the takes. Of frames that are lost now it is stale, which its key tells.
-static enum status copy_verdicts(struct repair *repair)
+// What was said of the takes and is expected of them. Of frames that are lost now a verdict is stale, which its key
+// tells.
+static enum status copy_verdicts_and_expectations(struct repair *repair)
 {
     struct id_list saved = {0};
     enum status status = list_ids(repair->to, "SELECT rowid FROM take", &saved);
-    for (int i = 0; i < saved.count && status == OK; i++)
+    for (int i = 0; i < saved.count && status == OK; i++) {
         status = recorded_verdict_copy(repair->from, saved.ids[i], repair->to, saved.ids[i]);
+        if (status == OK)
+            status = recorded_expectation_copy(repair->from, saved.ids[i], repair->to, saved.ids[i], true);
+    }
     free(saved.ids);
     return status;
 }
@@ -305,7 +309,7 @@ static enum status salvage_recording(const char *path, const char *part, const c
     frame_copier_close(&v.copier);
     enum status written = async_writer_close(&v.writer);
     if (v.to && status == OK && written == OK)
-        written = copy_verdicts(&v);
+        written = copy_verdicts_and_expectations(&v);
     statement_close(&v.takes);
     database_close(&v.from);
     if (v.to && status == OK && written == OK)

@@ -25,7 +25,8 @@ struct span {
 // All that there is to make, in the words in which it is made.
 static const char *schema_text(int i)
 {
-    const char *const texts[] = {recording_tables, PREPARED_TABLE, VERDICT_TABLE, THING_TABLES, DRIVE_TABLE};
+    const char *const texts[] = {recording_tables,  PREPARED_TABLE, VERDICT_TABLE,
+                                 EXPECTATION_TABLE, THING_TABLES,   DRIVE_TABLE};
     return i < (int)COUNT_OF(texts) ? texts[i] : NULL;
 }
 

@@ -66,6 +66,9 @@ extern const char *const recording_tables; // CREATE TABLE ...
 #define VERDICT_TABLE                                                                                                  \
     "CREATE TABLE IF NOT EXISTS verdict(id INTEGER PRIMARY KEY, purpose INTEGER, seen INTEGER, spoilt INTEGER,"        \
     " index_crc INTEGER, lines TEXT, crc INTEGER);"
+// What is expected of who does as in the take (recorded_expectation.h); made with the first.
+#define EXPECTATION_TABLE                                                                                              \
+    "CREATE TABLE IF NOT EXISTS expectation(id INTEGER PRIMARY KEY, numbers BLOB, takes BLOB, crc INTEGER);"
 // Things and what is known of them (recorded_things.c), and where a robot was driven (recorded_things.c); made when
 // there are such.
 #define THING_TABLES                                                                                                   \

@@ -434,6 +434,8 @@ static enum status delete_take(struct database *db, const struct erasing *erasin
     if (status == OK)
         status = delete_verdict(db, take.id);
     if (status == OK)
+        status = recorded_expectation_forget(db, take.id);
+    if (status == OK)
         status = statement_open(&s, db, "DELETE FROM take WHERE rowid = ?");
     if (status == OK) {
         statement_bind_number(s, 1, take.id);
@@ -631,6 +633,9 @@ static enum status copy_rows(struct database *from, struct database *to, struct 
     enum status written = async_writer_close(&writer);
     if (first.status == OK && written == OK)
         written = recorded_verdict_copy(from, take->id, to, copy.id);
+    if (first.status == OK && written == OK)
+        written = recorded_expectation_copy(from, take->id, to, copy.id,
+                                            file_is_same(database_path(from), database_path(to)));
     return first.status == OK ? written : failure_restore(&first);
 }
 

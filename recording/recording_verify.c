@@ -205,6 +205,15 @@ static void check_verdicts(struct verification *verification)
                                        (long long)damaged));
 }
 
+static void check_expectations(struct verification *verification)
+{
+    int64_t damaged;
+    note_status(verification, recorded_expectation_check(verification->r, &damaged));
+    if (damaged)
+        note_status(verification, fail(ERR_CORRUPT, "%s: what is expected of %lld takes is damaged",
+                                       path_of(verification), (long long)damaged));
+}
+
 static enum status verify_recording(struct recording *recording, struct recording_report *out)
 {
     struct verification v = {.r = recording, .report = out};
@@ -216,6 +225,7 @@ static enum status verify_recording(struct recording *recording, struct recordin
         check_things(&v);
     check_drive(&v);
     check_verdicts(&v);
+    check_expectations(&v);
     for (int i = 0; i < recording_take_count(recording) && may_go_on(&v); i++)
         check_take(&v, i);
     if (may_go_on(&v))
