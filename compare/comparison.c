@@ -27,6 +27,14 @@ static struct alignment_prices prices_of(double unit)
     return (struct alignment_prices){(int32_t)(SKIP * unit), (int32_t)(SKIP * unit), (int32_t)(STEP * unit)};
 }
 
+static struct movement counted_frames(const struct movement *movement, struct repetition_span span)
+{
+    struct movement out = *movement; // borrows the frames
+    out.frames += span.first;
+    out.count = span.end - span.first;
+    return out;
+}
+
 static bool mean_direction(const struct movement *movement, int p, double mean[3])
 {
     double count = 0;
@@ -81,44 +89,148 @@ static void center_features(const struct movement *a, const struct movement *b, 
 }
 
 // Both movements as feature frames in which each part that moves has about an equal say.
-static enum status make_features(struct comparison *comparison, double *unit, struct feature_frame *frames[2])
+static enum status make_features(const struct movement of[2], uint16_t all_parts, double *unit,
+                                 struct feature_frame *frames[2])
 {
-    const uint16_t parts = telling_parts(&comparison->a, &comparison->judged, comparison->parts);
+    const uint16_t parts = telling_parts(&of[0], &of[1], all_parts);
     double scale[PART_COUNT];
-    movement_equal_say(&comparison->a, scale);
+    movement_equal_say(&of[0], scale);
     *unit = price_unit(parts, scale);
-    enum status status = movement_features(&comparison->a, parts, scale, &frames[0]);
+    enum status status = movement_features(&of[0], parts, scale, &frames[0]);
     if (status == OK)
-        status = movement_features(&comparison->judged, parts, scale, &frames[1]);
+        status = movement_features(&of[1], parts, scale, &frames[1]);
     for (int p = 0; p < PART_COUNT; p++)
         scale[p] = parts >> p & 1 ? scale[p] : 0;
     if (status == OK)
-        center_features(&comparison->a, &comparison->judged, scale, frames[1]);
+        center_features(&of[0], &of[1], scale, frames[1]);
     return status;
 }
 
-// The alignment of the whole, its timeline, which repetitions belong together, and the timeline of these.
-static enum status align_all(struct comparison *comparison, struct timeline *repeated)
+static void free_features(struct feature_frame *frames[2])
 {
-    struct feature_frame *frames[2] = {NULL, NULL};
+    free(frames[0]);
+    free(frames[1]);
+}
+
+// The alignment of what counts, its timeline, which repetitions belong together, and the timeline of these; all in
+// frames of what counts.
+static enum status align_counted(struct comparison *comparison, struct timeline *repeated)
+{
+    const struct movement of[2] = {counted_frames(&comparison->a, comparison->counted_a),
+                                   counted_frames(&comparison->judged, comparison->counted_b)};
+    struct feature_frame *frames[2] = {NULL, NULL}, *plain[2] = {NULL, NULL};
     double unit = 0;
-    enum status status = make_features(comparison, &unit, frames);
-    const struct features a = {frames[0], comparison->a.count}, b = {frames[1], comparison->judged.count};
+    enum status status = make_features(of, comparison->parts, &unit, frames);
+    const struct features a = {frames[0], of[0].count}, b = {frames[1], of[1].count};
     const struct alignment_prices prices = prices_of(unit);
     if (status == OK)
         status = align(&a, &b, &prices, &comparison->alignment);
     if (status == OK)
         status = timeline_from_alignment(&comparison->alignment, &a, &b, &comparison->timeline);
-    struct performed sides[2] = {{&comparison->a, a, NULL}, {&comparison->judged, b, NULL}};
     for (int k = 0; k < 2 && status == OK; k++)
-        status = movement_features(sides[k].movement, comparison->parts, NULL, &sides[k].plain);
+        status = movement_features(&of[k], comparison->parts, NULL, &plain[k]);
+    const struct performed sides[2] = {{&of[0], a, plain[0]}, {&of[1], b, plain[1]}};
     if (status == OK)
-        status = performances_judge(sides, &prices, repeated, &comparison->repetitions);
-    for (int k = 0; k < 2; k++) {
-        free(frames[k]);
-        free(sides[k].plain);
-    }
+        status = performances_judge(sides, &prices, &comparison->by, repeated, &comparison->repetitions);
+    free_features(frames);
+    free_features(plain);
     return status;
+}
+
+// ---------------------------------------------------------------- a stretch that counts
+
+static bool counts_all(const struct comparison *comparison)
+{
+    return comparison->counted_a.end - comparison->counted_a.first == comparison->a.count &&
+           comparison->counted_b.end - comparison->counted_b.first == comparison->judged.count;
+}
+
+// The stretch of the reference, and all of the attempt.
+static enum status count_stretch(struct comparison *comparison)
+{
+    const struct expectation *e = &comparison->expected;
+    const int32_t count = comparison->a.count;
+    comparison->counted_a = (struct repetition_span){0, count};
+    comparison->counted_b = (struct repetition_span){0, comparison->b.count};
+    if (!(e->to_s > 0))
+        return OK;
+    const double first = floor(e->from_s * MOVEMENT_RATE_HZ), end = ceil(e->to_s * MOVEMENT_RATE_HZ);
+    comparison->counted_a =
+        (struct repetition_span){(int32_t)fmin(count, fmax(0, first)), (int32_t)fmin(count, fmax(0, end))};
+    return comparison->counted_a.first < comparison->counted_a.end
+               ? OK
+               : fail(ERR_INPUT, "what counts, %.1f s to %.1f s, is not in the reference, which lasts %.1f s",
+                      e->from_s, e->to_s, count / MOVEMENT_RATE_HZ);
+}
+
+// What of the attempt shows the stretch, by the alignment of both as wholes: the attempt may hold the whole movement or
+// the stretch alone. Where none of it does, all of the attempt is held against the stretch.
+static enum status find_stretch(struct comparison *comparison)
+{
+    const struct movement of[2] = {comparison->a, comparison->judged};
+    const struct repetition_span wanted = comparison->counted_a;
+    struct feature_frame *frames[2] = {NULL, NULL};
+    struct alignment whole = {0};
+    enum { FEWEST = 5 }; // frames that are a stretch of the attempt
+    int32_t first = -1, end = 0;
+    double unit = 0;
+    if (wanted.first == 0 && wanted.end == comparison->a.count)
+        return OK;
+    enum status status = make_features(of, comparison->parts, &unit, frames);
+    const struct features a = {frames[0], of[0].count}, b = {frames[1], of[1].count};
+    const struct alignment_prices prices = prices_of(unit);
+    if (status == OK)
+        status = align(&a, &b, &prices, &whole);
+    for (int32_t k = 0; k < whole.count; k++) {
+        if (whole.pairs[k].a < wanted.first || whole.pairs[k].a >= wanted.end)
+            continue;
+        first = first < 0 ? whole.pairs[k].b : first;
+        end = whole.pairs[k].b + 1;
+    }
+    if (end - first >= FEWEST)
+        comparison->counted_b = (struct repetition_span){first, end};
+    alignment_free(&whole);
+    free_features(frames);
+    return status;
+}
+
+// Into frames of the whole attempt, of which what does not count is aligned with nothing, and of the whole reference.
+static enum status widen_timeline(const struct comparison *comparison, struct timeline *timeline)
+{
+    if (!timeline->reference)
+        return OK;
+    const int32_t first = comparison->counted_b.first;
+    float *whole = malloc((size_t)comparison->judged.count * sizeof *whole);
+    if (!whole)
+        return fail(ERR_MEMORY, "no memory for the times of two movements");
+    for (int32_t f = 0; f < comparison->judged.count; f++)
+        whole[f] = f >= first && f < first + timeline->count
+                       ? timeline->reference[f - first] + (float)comparison->counted_a.first
+                       : NAN;
+    free(timeline->reference);
+    *timeline = (struct timeline){whole, comparison->judged.count};
+    return OK;
+}
+
+static enum status align_all(struct comparison *comparison, struct timeline *repeated)
+{
+    enum status status = find_stretch(comparison);
+    if (status == OK)
+        status = align_counted(comparison, repeated);
+    if (status != OK || counts_all(comparison))
+        return status;
+    const int32_t a = comparison->counted_a.first, b = comparison->counted_b.first;
+    for (int32_t k = 0; k < comparison->alignment.count; k++) {
+        comparison->alignment.pairs[k].a += a;
+        comparison->alignment.pairs[k].b += b;
+    }
+    for (int32_t k = 0; k < comparison->repetitions.count; k++) {
+        struct performance *p = &comparison->repetitions.at[k];
+        p->reference = (struct repetition_span){p->reference.first + a, p->reference.end + a};
+        p->attempt = (struct repetition_span){p->attempt.first + b, p->attempt.end + b};
+    }
+    status = widen_timeline(comparison, &comparison->timeline);
+    return status == OK ? widen_timeline(comparison, repeated) : status;
 }
 
 enum { COARSE = 4 }; // every so manieth frame decides about mirroring
@@ -178,7 +290,7 @@ static enum status choose_side(struct comparison *comparison)
     if (status == OK && plain > MIRROR_MIN && mirrored < MIRROR_GAIN * plain) {
         comparison->mirrored = true;
         comparison->judged = mirror;
-        comparison->parts = comparison->a.ever_known & mirror.ever_known;
+        comparison->parts = comparison->a.ever_known & mirror.ever_known & (uint16_t)~comparison->by.ignored;
         return OK;
     }
     movement_free(&mirror);
@@ -195,11 +307,13 @@ const char *relation_name(enum relation relation)
     return names[relation];
 }
 
-// What a movement moves in the frames that the timeline uses, as a share of what it moves at all. used: [count].
-static double used_share(const struct movement *movement, const bool *used, uint16_t parts)
+// What a movement moves in the frames that the timeline uses, as a share of what it moves at all in those that count.
+// used: [count].
+static double used_share(const struct movement *movement, const bool *used, struct repetition_span counted,
+                         uint16_t parts)
 {
     double in = 0, all = 0;
-    for (int32_t f = 1; f < movement->count; f++) {
+    for (int32_t f = counted.first + 1; f < counted.end; f++) {
         const struct movement_frame *x = &movement->frames[f - 1], *y = &movement->frames[f];
         for (int p = 0; p < PART_COUNT; p++) {
             if (!(parts & x->known & y->known & 1u << p))
@@ -236,8 +350,8 @@ static enum status measure_shares(struct comparison *comparison)
         last = at;
     }
     if (status == OK) {
-        comparison->judged_share[0] = used_share(&comparison->a, used_a, comparison->parts);
-        comparison->judged_share[1] = used_share(&comparison->judged, used_b, comparison->parts);
+        comparison->judged_share[0] = used_share(&comparison->a, used_a, comparison->counted_a, comparison->parts);
+        comparison->judged_share[1] = used_share(&comparison->judged, used_b, comparison->counted_b, comparison->parts);
     }
     free(used_a);
     free(used_b);
@@ -289,11 +403,11 @@ static void set_relation(struct comparison *comparison)
 // The whole as one performance.
 static void judge_whole(struct comparison *comparison)
 {
-    struct pair_sums sums = {.carried = {{0}}};
+    struct pair_sums sums = {.ignored = comparison->by.ignored};
     pair_sums_add(&sums, &comparison->a, &comparison->judged, &comparison->alignment);
     noise_sums_add(sums.noise[0], &comparison->a, 0, comparison->a.count);
     noise_sums_add(sums.noise[1], &comparison->judged, 0, comparison->judged.count);
-    comparison->terms = score_posture(&sums, NULL);
+    comparison->terms = score_posture(&sums, NULL, &comparison->by);
     comparison->similarity = similarity_of(&sums);
 }
 
@@ -335,7 +449,8 @@ static bool whole_is_enough(const struct comparison *comparison, const struct sc
 static enum status judge_repetitions(struct comparison *comparison, struct timeline *repeated)
 {
     struct performances *all = &comparison->repetitions;
-    const struct score_terms terms = score_posture(&all->sums, all->reference_count >= 2 ? all->moved : NULL);
+    const struct score_terms terms =
+        score_posture(&all->sums, all->reference_count >= 2 ? all->moved : NULL, &comparison->by);
     if (whole_is_enough(comparison, &terms)) {
         performances_free(all);
         all->reference_count = 1;
@@ -388,13 +503,21 @@ static enum status judge_attempt(struct comparison *comparison)
     return status;
 }
 
-enum status comparison_make(struct movement *a, struct movement *b, struct comparison *out)
+enum status comparison_make(struct movement *a, struct movement *b, const struct expectation *expected,
+                            struct comparison *out)
 {
-    *out = (struct comparison){.a = *a, .b = *b, .parts = a->ever_known & b->ever_known};
+    *out = (struct comparison){.a = *a, .b = *b, .by = tolerances_of(expected)};
+    out->parts = a->ever_known & b->ever_known & (uint16_t)~out->by.ignored;
+    if (expected)
+        out->expected = *expected;
     *a = *b = (struct movement){0};
-    enum status status = OK;
-    if (!out->parts)
-        status = fail(ERR_INPUT, "no part of the body is known in both movements, so there is nothing to compare");
+    enum status status = count_stretch(out);
+    if (!out->parts && status == OK)
+        status =
+            fail(ERR_INPUT,
+                 out->by.ignored
+                     ? "no part of the body that matters is known in both movements, so there is nothing to compare"
+                     : "no part of the body is known in both movements, so there is nothing to compare");
     if (status == OK)
         status = choose_side(out);
     if (status == OK)
@@ -402,6 +525,16 @@ enum status comparison_make(struct movement *a, struct movement *b, struct compa
     if (status != OK)
         comparison_free(out);
     return status;
+}
+
+void comparison_differences(const struct comparison *c, const struct movement *b, int32_t frame,
+                            struct part_difference out[PART_COUNT])
+{
+    part_differences(&c->a, b, &c->timeline, frame, out);
+    for (int p = 0; p < PART_COUNT; p++)
+        out[p].verdict = c->by.ignored >> p & 1
+                             ? VERDICT_UNKNOWN
+                             : verdict_within(out[p].angle_rad, out[p].sigma_rad, c->by.threshold[p] * DIFFERENT_RAD);
 }
 
 void comparison_free(struct comparison *comparison)

@@ -1,5 +1,6 @@
 // Two movements compared: a reference A and an attempt B. What the command prints, and the app will show.
 #pragma once
+#include "compare/expectation.h"
 #include "compare/movement.h"
 #include "compare/repetitions.h"
 #include "compare/score.h"
@@ -36,8 +37,13 @@ enum relation {
 };
 
 struct comparison {
-    struct movement a, b;       // as they are; `b` is never mirrored
-    uint16_t parts;             // known in both
+    struct movement a, b;        // as they are; `b` is never mirrored
+    struct expectation expected; // what counts; zeroed: everything, by the natural spreads
+    struct tolerances by;        // the same as numbers
+    uint16_t parts;              // known in both, and not ignored
+    // The frames that count, of A and of `judged`: all, or where a stretch is expected that stretch and what of the
+    // attempt shows it. All else is aligned with nothing.
+    struct repetition_span counted_a, counted_b;
     bool mirrored;              // B resembles A's mirror image far more than A: it was judged as that
     struct movement judged;     // B, mirrored if `mirrored`; else it has b's frames
     struct alignment alignment; // of a and judged
@@ -57,7 +63,13 @@ struct comparison {
 
 const char *relation_name(enum relation relation); // "same", "other", "moved", "still", "part"
 
-// Takes over both movements, also on failure. ERR_INPUT: no part is known in both. ERR_MEMORY. On failure *out is
-// zeroed. Pure; two threads may compare at the same time.
-MUST_CHECK enum status comparison_make(struct movement *a, struct movement *b, struct comparison *out);
+// Takes over both movements, also on failure. expected: NULL: everything counts. ERR_INPUT: no part that matters is
+// known in both, or the stretch is not in the reference. ERR_MEMORY. On failure *out is zeroed. Pure; two threads may
+// compare at the same time.
+MUST_CHECK enum status comparison_make(struct movement *a, struct movement *b, const struct expectation *expected,
+                                       struct comparison *out);
+// part_differences of the reference and `b`, which is c->b or c->judged, by what is expected: parts that do not matter
+// are unknown.
+void comparison_differences(const struct comparison *c, const struct movement *b, int32_t frame,
+                            struct part_difference out[PART_COUNT]);
 void comparison_free(struct comparison *comparison); // zeroed is fine; leaves it zeroed

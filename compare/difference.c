@@ -155,7 +155,7 @@ static const double TRUSTED = 0.0076;
 
 // What the limbs cost at a frame of the attempt, for every shift.
 static void add_costs(const struct movement *a, const struct movement *b, const struct timeline *timeline, int32_t f,
-                      float cost[SHIFTS][LIMBS])
+                      uint16_t ignored, float cost[SHIFTS][LIMBS])
 {
     for (int s = 0; s < SHIFTS; s++) {
         double sum[LIMBS] = {0}, d[3], sigma;
@@ -163,7 +163,8 @@ static void add_costs(const struct movement *a, const struct movement *b, const 
             const struct movement_frame x = movement_at(a, (double)timeline->reference[f] + (s - SHIFTS_HALF));
             const struct chest_turn turn = chest_turn_of(&x, &b->frames[f]);
             for (int k = 0; k < BODY_JOINTS; k++)
-                if (body_joints[k].limb >= 0 && difference_with(&x, &b->frames[f], &body_joints[k], &turn, d, &sigma))
+                if (body_joints[k].limb >= 0 && !(ignored >> body_joints[k].part & 1) &&
+                    difference_with(&x, &b->frames[f], &body_joints[k], &turn, d, &sigma))
                     sum[body_joints[k].limb] +=
                         (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * TRUSTED / (TRUSTED + sigma * sigma);
         }
@@ -213,6 +214,7 @@ struct cost_block {
     const struct movement *a, *b;
     const struct timeline *timeline;
     int32_t stride, first, end; // instants
+    uint16_t ignored;
     float cost[BLOCK][SHIFTS][LIMBS];
 };
 
@@ -221,10 +223,11 @@ static void cost_share(void *context, int share)
     struct cost_block *block = context;
     const int32_t end = block->first + (share + 1) * (BLOCK / SHARES);
     for (int32_t n = block->first + share * (BLOCK / SHARES); n < end && n < block->end; n++)
-        add_costs(block->a, block->b, block->timeline, n * block->stride, block->cost[n - block->first]);
+        add_costs(block->a, block->b, block->timeline, n * block->stride, block->ignored,
+                  block->cost[n - block->first]);
 }
 
-enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
+enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t, uint16_t ignored,
                         struct limb_shift *out[LIMBS])
 {
     const int32_t stride = t->count / MANY_FRAMES < MAX_STRIDE ? 1 + t->count / MANY_FRAMES : MAX_STRIDE,
@@ -240,6 +243,7 @@ enum status limb_shifts(const struct movement *a, const struct movement *b, cons
     block->b = b;
     block->timeline = t;
     block->stride = stride;
+    block->ignored = ignored;
     for (int32_t n = 0, ahead = 0; n < count; n++) {
         const int32_t first = n > half ? n - half : 0, end = n + half + 1 < count ? n + half + 1 : count;
         for (; ahead < end; ahead++) {
@@ -276,13 +280,18 @@ const char *verdict_name(enum verdict verdict)
 
 enum verdict verdict_of(double angle_rad, double sigma_rad)
 {
+    return verdict_within(angle_rad, sigma_rad, DIFFERENT_RAD);
+}
+
+enum verdict verdict_within(double angle_rad, double sigma_rad, double different_rad)
+{
     const double quantile = 0.613; // of the normal distribution, for VERDICT_LEVEL
     const double max_sigma = 1.7 * DIFFERENT_RAD;
     if (!(sigma_rad >= 0 && sigma_rad <= max_sigma) || !isfinite(angle_rad))
         return VERDICT_UNKNOWN;
-    if (angle_rad - quantile * sigma_rad >= DIFFERENT_RAD)
+    if (angle_rad - quantile * sigma_rad >= different_rad)
         return VERDICT_DIFFERENT;
-    return angle_rad + quantile * sigma_rad < DIFFERENT_RAD ? VERDICT_SAME : VERDICT_UNKNOWN;
+    return angle_rad + quantile * sigma_rad < different_rad ? VERDICT_SAME : VERDICT_UNKNOWN;
 }
 
 void timeline_free(struct timeline *timeline)

@@ -16,6 +16,8 @@ const char *verdict_name(enum verdict verdict); // "unknown", "same", "different
 // degrees.
 #define VERDICT_LEVEL 0.73
 enum verdict verdict_of(double angle_rad, double sigma_rad);
+// The same of another angle than DIFFERENT_RAD.
+enum verdict verdict_within(double angle_rad, double sigma_rad, double different_rad);
 
 struct part_difference {
     float angle_rad, sigma_rad; // NaN where unknown
@@ -76,6 +78,6 @@ struct limb_shift {
 };
 // out: of each limb [count of the timeline]: the shift with which over a second before and after the limb fits best; up
 // to 4 frames always, up to 15 (0.5 s) where that explains nearly half of a difference: then `late`. Of attempts above
-// ten minutes not every frame is looked at. ERR_MEMORY.
+// ten minutes not every frame is looked at. ignored: parts that have no say, as bits. ERR_MEMORY.
 MUST_CHECK enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
-                                   struct limb_shift *out[LIMBS]);
+                                   uint16_t ignored, struct limb_shift *out[LIMBS]);

@@ -75,7 +75,7 @@ static void say_parts(const struct comparison *comparison, char out[NOT_JUDGED_B
 {
     for (int p = 0; p < PART_COUNT; p++) {
         char text[64];
-        if (comparison->parts >> p & 1)
+        if ((comparison->parts | comparison->by.ignored) >> p & 1)
             continue;
         snprintf(text, sizeof text, "%sthe %s", *out ? ", " : "could not be judged: ", part_name((enum part)p));
         for (char *at = text; (at = strchr(at, '_'));)
@@ -85,13 +85,26 @@ static void say_parts(const struct comparison *comparison, char out[NOT_JUDGED_B
     append_text(out, ": hardly ever seen whole");
 }
 
+// The joints of the parts that matter.
+static uint16_t joints_that_matter(const struct comparison *comparison)
+{
+    uint16_t joints = 0;
+    if (!comparison->by.ignored)
+        return UINT16_MAX;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (!(comparison->by.ignored >> p & 1))
+            joints |= (uint16_t)(1u << part_ends[p].from | 1u << part_ends[p].to);
+    return joints;
+}
+
 const char *not_judged_text(const struct comparison *comparison, char out[NOT_JUDGED_BYTES])
 {
-    const uint16_t none_a = (uint16_t)~comparison->a.joints_ever, none_b = (uint16_t)~comparison->b.joints_ever,
-                   few_a = comparison->a.joints_ever & (uint16_t)~comparison->a.joints_often,
-                   few_b = comparison->b.joints_ever & (uint16_t)~comparison->b.joints_often;
+    const uint16_t asked = joints_that_matter(comparison), none_a = asked & (uint16_t)~comparison->a.joints_ever,
+                   none_b = asked & (uint16_t)~comparison->b.joints_ever,
+                   few_a = asked & comparison->a.joints_ever & (uint16_t)~comparison->a.joints_often,
+                   few_b = asked & comparison->b.joints_ever & (uint16_t)~comparison->b.joints_often;
     *out = 0;
-    if (!(~comparison->parts & ((1u << PART_COUNT) - 1)))
+    if (!(~(comparison->parts | comparison->by.ignored) & ((1u << PART_COUNT) - 1)))
         return out;
     say_not_judged(none_a & none_b, "in neither movement", "", out);
     say_not_judged(none_b & (uint16_t)~none_a, "not in ", "the attempt", out);
@@ -129,7 +142,7 @@ double finding_worst_s(const struct comparison *comparison, const struct finding
     float max = 0;
     for (int32_t k = first; k < end && k < comparison->judged.count && judged >= 0; k++) {
         struct part_difference parts[PART_COUNT];
-        part_differences(&comparison->a, &comparison->judged, &comparison->timeline, k, parts);
+        comparison_differences(comparison, &comparison->judged, k, parts);
         if (parts[judged].verdict == VERDICT_DIFFERENT && parts[judged].angle_rad > max) {
             max = parts[judged].angle_rad;
             worst_s = k / MOVEMENT_RATE_HZ;
@@ -331,6 +344,7 @@ struct series {
     float *fresh;             // how much of a frame says something new
     float *weight;            // what a frame says against noise
     double offset;            // degrees: what it is off by all along
+    double begin, stay;       // degrees, see BEGIN_DEGREES
 };
 
 struct judge {
@@ -547,6 +561,8 @@ static void fill_series(struct judge *judge, const struct body_joint *joint)
 {
     const int shares = (int)((judge->count + FRAMES_AT_ONCE - 1) / FRAMES_AT_ONCE);
     judge->s.joint = joint;
+    judge->s.begin = judge->c->by.threshold[joint->part] * BEGIN_DEGREES;
+    judge->s.stay = judge->c->by.threshold[joint->part] * STAY_DEGREES;
     parallel_for(THREADS, shares, fill_share, judge);
     parallel_for(THREADS, shares, smooth_share, judge);
     judge->s.offset = offset_degrees(judge);
@@ -641,9 +657,10 @@ static void say_posture(const struct judge *judge, const struct wrong *wrong, st
 // A part that the reference hardly moves costs less, as in score.h.
 static double finding_cost(const struct judge *judge, double degrees, double seconds)
 {
-    const double z = degrees / RAD / natural_offset_rad(judge->s.joint->part),
+    const enum part part = judge->s.joint->part;
+    const double z = degrees / RAD / (judge->c->by.spread[part][DEVIATION_OFFSET] * natural_offset_rad(part)),
                  share = seconds / fmax(seconds, at_seconds(judge->c->pace.b_end - judge->c->pace.b_first));
-    const double weight = PART_COUNT * judge->c->terms.part[judge->s.joint->part].weight; // 1: as the mean part
+    const double weight = PART_COUNT * judge->c->terms.part[part].weight; // 1: as the mean part
     return FINDING_COST * robust_cost(z) * sqrt(share * fmin(1, weight));
 }
 
@@ -669,15 +686,15 @@ static enum status add_posture(struct judge *judge, int32_t first, int32_t end)
     // What may be the joints' own error counts less.
     const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
     f.cost = sure * finding_cost(judge, fmax(0, w.degrees - judge->s.offset), f.to_s - f.from_s);
-    const bool mostly = level_of(&judge->s, first, end, 0.5, judge->scratch) >= BEGIN_DEGREES;
-    return fabs(f.amount) < BEGIN_DEGREES || !mostly ? OK : finding_add(judge->c, &f, true);
+    const bool mostly = level_of(&judge->s, first, end, 0.5, judge->scratch) >= judge->s.begin;
+    return fabs(f.amount) < judge->s.begin || !mostly ? OK : finding_add(judge->c, &f, true);
 }
 
 static bool is_finding_begin(const struct series *series, int32_t f)
 {
     // The head is short and trackers know it badly.
     const double share = series->joint->part == PART_HEAD ? 2 * SIGMA_SHARE : SIGMA_SHARE;
-    return series->degrees[f] >= BEGIN_DEGREES + share * series->sigma[f]; // false for NaN
+    return series->degrees[f] >= series->begin + share * series->sigma[f]; // false for NaN
 }
 
 static enum status scan_posture(struct judge *judge)
@@ -689,10 +706,10 @@ static enum status scan_posture(struct judge *judge)
             continue;
         int32_t first = f, end = f + 1;
         double frames = s->fresh[f];
-        while (first > 0 && s->degrees[first - 1] >= STAY_DEGREES) // false for NaN
+        while (first > 0 && s->degrees[first - 1] >= s->stay) // false for NaN
             first--;
         for (int32_t k = end; k < judge->count && k < end + MAX_GAP; k++)
-            if (s->degrees[k] >= STAY_DEGREES) {
+            if (s->degrees[k] >= s->stay) {
                 end = k + 1;
                 frames += is_finding_begin(s, k) ? s->fresh[k] : 0;
             }
@@ -774,11 +791,13 @@ static enum status scan_range(struct judge *judge, bool *found)
 {
     const struct body_joint *j = judge->s.joint;
     const struct angle_range *a = &judge->c->range_a[j->angle], *b = &judge->c->range_b[j->angle];
-    const double range_a = ((double)a->high - a->low) * RAD, range_b = ((double)b->high - b->low) * RAD;
+    const double range_a = ((double)a->high - a->low) * RAD, range_b = ((double)b->high - b->low) * RAD,
+                 threshold = judge->c->by.threshold[j->part];
     *found = false;
     if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
-        range_a - range_b < fmax(12 + SIGMA_SHARE * mean_sigma(&judge->s, judge->count),
-                                 0.2 * range_a) || // going too far is posture: it has a place and a time
+        range_a - range_b <
+            fmax(12 * threshold + SIGMA_SHARE * mean_sigma(&judge->s, judge->count),
+                 0.2 * fmin(1, threshold) * range_a) || // going too far is posture: it has a place and a time
         !gain_explains(&judge->s, judge->count, fabs(range_b - range_a) / RAD) ||
         !held_less(judge, range_a - range_b))
         return OK;
@@ -810,11 +829,13 @@ static enum status scan_late(struct judge *judge, int limb)
     static const enum part parts[LIMBS] = {PART_LEFT_UPPER_ARM, PART_RIGHT_UPPER_ARM, PART_LEFT_THIGH,
                                            PART_RIGHT_THIGH};
     const struct limb_shift *of = judge->limb[limb];
+    const uint16_t ignored = judge->c->by.ignored, both = (uint16_t)(3u << parts[limb]); // recording/skeleton.h's order
+    const enum part part = ignored >> parts[limb] & 1 ? parts[limb] + 1 : parts[limb];
     enum status status = OK;
-    if (late_balance(judge, of) < MIN_BALANCE)
+    if ((ignored & both) == both || late_balance(judge, of) < MIN_BALANCE)
         return OK;
     for (int k = 0; k < BODY_JOINTS; k++)
-        if (body_joints[k].part == parts[limb])
+        if (body_joints[k].part == part)
             judge->s.joint = &body_joints[k];
     for (int32_t f = 0; f < judge->count && status == OK; f++) {
         int32_t end = f;
@@ -825,7 +846,7 @@ static enum status scan_late(struct judge *judge, int limb)
             // Negative: the limb shows an earlier instant of A, so it is late.
             struct finding x = new_finding(judge, FINDING_TIMING, f, end);
             x.amount = -sum / (end - f) / MOVEMENT_RATE_HZ;
-            x.parts |= (uint16_t)(1u << (parts[limb] + 1)); // the limb's other part, recording/skeleton.h's order
+            x.parts = both & (uint16_t)~ignored;
             x.unit = "s";
             x.cost = timing_cost(x.amount);
             x.noun = limb >= 2 ? "leg" : "arm";
@@ -883,10 +904,13 @@ static enum status find_postures(struct comparison *comparison)
     if (status == OK)
         fill_fresh(&g);
     if (status == OK)
-        status = limb_shifts(&comparison->a, &comparison->judged, &comparison->timeline, g.limb);
+        status =
+            limb_shifts(&comparison->a, &comparison->judged, &comparison->timeline, comparison->by.ignored, g.limb);
     bool ranged[LIMBS] = {false};
     for (int k = 0; k < BODY_JOINTS && status == OK; k++) {
         bool range = false;
+        if (comparison->by.ignored >> body_joints[k].part & 1)
+            continue;
         fill_series(&g, &body_joints[k]);
         status = scan_range(&g, &range);
         if (status == OK && !range)

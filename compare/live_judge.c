@@ -19,6 +19,8 @@ struct live_judge {
     const struct movement *reference;
     double *price;      // of the best path that ends at each frame of the reference, past costs faded out
     int32_t first, end; // of the window; prices outside of it mean nothing
+    struct tolerances by;
+    int32_t counted_first, counted_end; // frames of the reference that count
     bool begun;
     struct judged_frame last[AVERAGED]; // a ring
     int next, count;
@@ -35,6 +37,7 @@ enum status live_judge_open(struct live_judge **out, const struct movement *refe
         return fail(ERR_MEMORY, "no memory to judge a movement");
     j->reference = reference;
     j->end = reference->count;
+    live_judge_set_expectation(j, NULL);
     j->price = calloc((size_t)reference->count, sizeof *j->price);
     enum status status = j->price ? OK : fail(ERR_MEMORY, "no memory to judge a movement");
     if (status != OK)
@@ -67,6 +70,17 @@ void live_judge_set_reference(struct live_judge *judge, const struct movement *r
     live_judge_restart(judge);
 }
 
+void live_judge_set_expectation(struct live_judge *judge, const struct expectation *expected)
+{
+    judge->by = tolerances_of(expected);
+    judge->counted_first = 0;
+    judge->counted_end = INT32_MAX;
+    if (expected && expected->to_s > 0) {
+        judge->counted_first = (int32_t)floor(expected->from_s * MOVEMENT_RATE_HZ);
+        judge->counted_end = (int32_t)ceil(fmin(1e6, expected->to_s) * MOVEMENT_RATE_HZ);
+    }
+}
+
 void live_judge_set_window(struct live_judge *judge, int32_t first, int32_t end)
 {
     const int32_t count = judge->reference->count;
@@ -96,13 +110,14 @@ static double squared_chord(const struct movement_frame *a, const struct movemen
     return sum;
 }
 
-// Mean squared chord of the parts known in both; NaN where none is.
+// Mean squared chord of the parts known in both that matter; NaN where none is.
 static double frame_cost(const struct live_judge *judge, int32_t i, const struct movement_frame *frame)
 {
     const struct movement_frame *movement_frame = &judge->reference->frames[i];
+    const uint16_t known = frame->known & movement_frame->known & (uint16_t)~judge->by.ignored;
     double sum = 0, count = 0;
     for (int p = 0; p < PART_COUNT; p++) {
-        if (!(frame->known & movement_frame->known & 1u << p))
+        if (!(known >> p & 1))
             continue;
         sum += squared_chord(frame, movement_frame, p);
         count++;
@@ -163,17 +178,20 @@ void live_judge_frame(struct live_judge *judge, const struct movement_frame *fra
 {
     *reference = advance_alignment(judge, frame);
     const struct movement_frame *movement_frame = &judge->reference->frames[*reference];
+    const bool counts = *reference >= judge->counted_first && *reference < judge->counted_end;
+    const uint16_t known = counts ? frame->known & movement_frame->known & (uint16_t)~judge->by.ignored : 0;
     keep_differences(judge, frame, movement_frame);
     for (int p = 0; p < PART_COUNT; p++) {
         parts[p] = (struct part_difference){NAN, NAN, VERDICT_UNKNOWN};
-        if (!(frame->known & movement_frame->known & 1u << p))
+        if (!(known >> p & 1))
             continue;
         const double angle = mean_angle(judge, p),
                      sigma = sqrt((double)movement_frame->sigma[p] * movement_frame->sigma[p] +
                                   (double)frame->sigma[p] * frame->sigma[p]);
         parts[p].sigma_rad = (float)sigma;
         parts[p].angle_rad = (float)sqrt(fmax(0, angle * angle - sigma * sigma));
-        parts[p].verdict = verdict_of(parts[p].angle_rad, parts[p].sigma_rad);
+        parts[p].verdict =
+            verdict_within(parts[p].angle_rad, parts[p].sigma_rad, judge->by.threshold[p] * DIFFERENT_RAD);
     }
 }
 

@@ -6,6 +6,7 @@
 // the person is shown keeps it near. Time: a few microseconds for a hundred frames of the window. One thread at a time.
 #pragma once
 #include "compare/difference.h"
+#include "compare/expectation.h"
 
 struct live_judge;
 
@@ -18,6 +19,11 @@ void live_judge_restart(struct live_judge *judge); // the next frame is the firs
 // than before restarts the judge.
 void live_judge_set_reference(struct live_judge *judge, const struct movement *reference);
 
+// From the next frame on this is expected; copied. NULL, and initially: everything, by the natural spreads. Parts are
+// those of the reference that is judged by. What does not matter, and all outside of the stretch that counts, is
+// unknown, and has no say in which of the reference's frames the person shows.
+void live_judge_set_expectation(struct live_judge *judge, const struct expectation *expected);
+
 // From the next frame on only the reference's frames first .. end - 1 are considered, cut to those that there are;
 // at least one remains. Paths that have left the window are forgotten. Initially all frames.
 void live_judge_set_window(struct live_judge *judge, int32_t first, int32_t end);
@@ -28,6 +34,6 @@ void live_judge_set_window(struct live_judge *judge, int32_t first, int32_t end)
 void live_judge_frame(struct live_judge *judge, const struct movement_frame *frame, int32_t *reference,
                       struct part_difference parts[PART_COUNT]);
 
-// How far the pose is from the reference's at that frame: the root mean square over the parts known in both, rad; NaN
-// where there is none.
+// How far the pose is from the reference's at that frame: the root mean square over the parts known in both that
+// matter, rad; NaN where there is none.
 double live_judge_away(const struct live_judge *judge, const struct movement_frame *frame, int32_t reference);

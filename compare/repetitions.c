@@ -922,22 +922,27 @@ static void forget_uncovered(struct side *side)
         repetition_list_free(&side->list);
 }
 
+struct judging {
+    const struct alignment_prices *prices;
+    const struct tolerances *by;
+};
+
 // The alignment of two performances, and what they have in common.
-static enum status judge_pair(const struct side *a, const struct side *b, const struct alignment_prices *prices,
+static enum status judge_pair(const struct side *a, const struct side *b, const struct judging *judging,
                               struct performance *out, struct alignment *x)
 {
     const struct movement ma = movement_piece(a->movement, out->reference),
                           mb = movement_piece(b->movement, out->attempt);
     const struct features fa = {a->frames + out->reference.first, ma.count},
                           fb = {b->frames + out->attempt.first, mb.count};
-    const enum status status = align(&fa, &fb, prices, x);
+    const enum status status = align(&fa, &fb, judging->prices, x);
     if (status != OK)
         return status;
-    struct pair_sums sums = {.carried = {{0}}};
+    struct pair_sums sums = {.ignored = judging->by->ignored};
     pair_sums_add(&sums, &ma, &mb, x);
     noise_sums_add(sums.noise[0], &ma, 0, ma.count);
     noise_sums_add(sums.noise[1], &mb, 0, mb.count);
-    const struct score_terms terms = score_posture(&sums, a->list.count >= 2 ? a->moved : NULL);
+    const struct score_terms terms = score_posture(&sums, a->list.count >= 2 ? a->moved : NULL, judging->by);
     out->score = score_from_terms(&terms);
     return OK;
 }
@@ -956,7 +961,7 @@ static enum status put_timeline(const struct side *a, const struct side *b, cons
     return status;
 }
 
-static enum status judge_repetition(const struct side *a, const struct side *b, const struct alignment_prices *prices,
+static enum status judge_repetition(const struct side *a, const struct side *b, const struct judging *judging,
                                     struct performance *best, struct timeline *timeline, struct pair_sums *sums)
 {
     const int32_t references = a->list.count < MAX_REFERENCES ? a->list.count : MAX_REFERENCES;
@@ -965,7 +970,7 @@ static enum status judge_repetition(const struct side *a, const struct side *b, 
     for (int32_t n = 0; n < references && status == OK; n++) {
         struct performance tried = {.attempt = best->attempt, .reference = a->list.spans[n]};
         struct alignment x = {0};
-        status = judge_pair(a, b, prices, &tried, &x);
+        status = judge_pair(a, b, judging, &tried, &x);
         if (status == OK && (!n || tried.score > best->score)) {
             const struct alignment swap = of_best;
             of_best = x;
@@ -984,10 +989,11 @@ static enum status judge_repetition(const struct side *a, const struct side *b, 
     return status;
 }
 
-static enum status judge_all(const struct side *a, const struct side *b, const struct alignment_prices *prices,
+static enum status judge_all(const struct side *a, const struct side *b, const struct judging *judging,
                              struct timeline *timeline, struct performances *out)
 {
     enum status status = OK;
+    out->sums.ignored = judging->by->ignored;
     out->at = calloc((size_t)b->list.count, sizeof *out->at);
     timeline->count = b->movement->count;
     timeline->reference = malloc((size_t)timeline->count * sizeof *timeline->reference);
@@ -997,7 +1003,7 @@ static enum status judge_all(const struct side *a, const struct side *b, const s
         timeline->reference[f] = NAN;
     for (int32_t k = 0; k < b->list.count && status == OK; k++) {
         out->at[k].attempt = b->list.spans[k];
-        status = judge_repetition(a, b, prices, &out->at[k], timeline, &out->sums);
+        status = judge_repetition(a, b, judging, &out->at[k], timeline, &out->sums);
         out->count++;
     }
     out->reference_count = a->list.count;
@@ -1102,7 +1108,7 @@ static enum status find_both(struct side *a, struct side *b)
 }
 
 enum status performances_judge(const struct performed of[2], const struct alignment_prices *prices,
-                               struct timeline *timeline, struct performances *out)
+                               const struct tolerances *by, struct timeline *timeline, struct performances *out)
 {
     struct side a = {.movement = of[0].movement, .frames = of[0].features.frames, .plain = of[0].plain},
                 b = {.movement = of[1].movement, .frames = of[1].features.frames, .plain = of[1].plain};
@@ -1113,7 +1119,7 @@ enum status performances_judge(const struct performed of[2], const struct alignm
         measure_moved(&a);
     memcpy(out->moved, a.moved, sizeof out->moved);
     if (status == OK && b.list.count)
-        status = judge_all(&a, &b, prices, timeline, out);
+        status = judge_all(&a, &b, &(struct judging){prices, by}, timeline, out);
     repetition_list_free(&a.list);
     repetition_list_free(&b.list);
     if (status != OK) {

@@ -96,6 +96,7 @@ struct performed {
 
 // of: A and B. Each of B's repetitions is judged against the one of A's (at most 12 are tried) that it resembles most;
 // *timeline is theirs, NaN between them, and the caller's to free. Where neither repeats anything there are none, and
-// no timeline. prices: of the alignment. ERR_MEMORY; *out and *timeline are then zeroed.
+// no timeline. prices: of the alignment; by: what counts. ERR_MEMORY; *out and *timeline are then zeroed.
 MUST_CHECK enum status performances_judge(const struct performed of[2], const struct alignment_prices *prices,
-                                          struct timeline *timeline, struct performances *out);
+                                          const struct tolerances *by, struct timeline *timeline,
+                                          struct performances *out);

@@ -49,7 +49,7 @@ static double frame_seconds(double frame) { return frame / MOVEMENT_RATE_HZ; }
 static void json_frame(FILE *to, const struct comparison *comparison, int32_t f)
 {
     struct part_difference parts[PART_COUNT];
-    part_differences(&comparison->a, &comparison->b, &comparison->timeline, f, parts);
+    comparison_differences(comparison, &comparison->b, f, parts);
     fprintf(to, "    {\"time_s\": %.3f, \"reference_s\": ", frame_seconds(f));
     write_number(to, frame_seconds(comparison->timeline.reference[f]), 3);
     fputs(", \"parts\": {", to);
@@ -115,9 +115,32 @@ static void json_not_judged(FILE *to, const struct comparison *comparison)
     char sentence[NOT_JUDGED_BYTES];
     fputs("  \"not_judged\": {\"parts\": [", to);
     for (int p = 0, count = 0; p < PART_COUNT; p++)
-        if (!(comparison->parts >> p & 1))
+        if (!((comparison->parts | comparison->by.ignored) >> p & 1))
             fprintf(to, "%s\"%s\"", count++ ? ", " : "", part_name((enum part)p));
     fprintf(to, "], \"sentence\": \"%s\"},\n", not_judged_text(comparison, sentence));
+}
+
+// Absent where nothing is expected. Tolerances of the parts that have one, given or measured.
+static void json_expected(FILE *to, const struct comparison *comparison)
+{
+    const struct expectation *e = &comparison->expected;
+    char sentence[EXPECTATION_TEXT_BYTES];
+    if (expectation_is_empty(e))
+        return;
+    fprintf(to, "  \"expected\": {\"sentence\": \"%s\", \"ignored\": [", expectation_text(e, sentence));
+    for (int p = 0, count = 0; p < PART_COUNT; p++)
+        if (e->ignored >> p & 1)
+            fprintf(to, "%s\"%s\"", count++ ? ", " : "", part_name((enum part)p));
+    fputs("], \"tolerance_deg\": {", to);
+    for (int p = 0, count = 0; p < PART_COUNT; p++)
+        if ((e->tolerance_rad[p] > 0 || e->spread[p][DEVIATION_OFFSET] > 0) && !(e->ignored >> p & 1))
+            fprintf(to, "%s\"%s\": %.1f", count++ ? ", " : "", part_name((enum part)p),
+                    comparison->by.threshold[p] * DIFFERENT_RAD * RAD);
+    fputs("}, \"from_s\": ", to);
+    write_number(to, e->to_s > 0 ? e->from_s : NAN, 3);
+    fputs(", \"to_s\": ", to);
+    write_number(to, e->to_s > 0 ? e->to_s : NAN, 3);
+    fprintf(to, ", \"further_references\": %d},\n", e->spread_references);
 }
 
 static void json_good(FILE *to, const struct comparison *comparison)
@@ -166,6 +189,7 @@ char *report_json(const struct report_attempt *attempt)
     json_not_judged(to, comparison);
     json_date(to, "date", attempt->began_ns);
     json_date(to, "reference_date", attempt->reference_began_ns);
+    json_expected(to, comparison);
     json_ranges(to, comparison);
     fputs("}\n", to);
     return end_text(&t);
@@ -269,6 +293,9 @@ char *report_text(const struct comparison *comparison, bool all)
         fprintf(to, "score %.0f of 100\n", comparison->score);
     else
         fprintf(to, "no score: %s\n", comparison->relation_sentence);
+    char expected[EXPECTATION_TEXT_BYTES];
+    if (*expectation_text(&comparison->expected, expected))
+        fprintf(to, "expected: %s\n", expected);
     double rest = 100 - comparison->score;
     for (int32_t k = 0; k < comparison->finding_count; k++) {
         const struct finding *f = &comparison->findings[k];

@@ -16,7 +16,8 @@ struct report_attempt {
     int64_t began_ns, reference_began_ns; // of each source's clock at time 0: a date, where date_text says so
 };
 
-// The JSON object of `reenact compare --json`: score, frames, findings, repetitions; and beside them mirrored, good
+// The JSON object of `reenact compare --json`: score, frames, findings, repetitions; and beside them mirrored, expected
+// (where something is: a sentence, parts that are ignored, tolerances in degrees, the stretch), good
 // (the attempt's parts, good_parts.h), not_judged (parts that are not known in both, and a sentence of the joints that
 // lack), ranges, date and reference_date (ISO 8601, or null).
 char *report_json(const struct report_attempt *attempt);

@@ -42,7 +42,7 @@ static int32_t most_different_frame(const struct comparison *comparison)
         double sum = 0;
         if (isnan(comparison->timeline.reference[f]))
             continue;
-        part_differences(&comparison->a, &comparison->judged, &comparison->timeline, f, parts);
+        comparison_differences(comparison, &comparison->judged, f, parts);
         for (int p = 0; p < PART_COUNT; p++)
             sum += isnan(parts[p].angle_rad) ? 0 : (double)parts[p].angle_rad * parts[p].angle_rad;
         if (sum > most) {
@@ -326,7 +326,7 @@ static enum status verdicts_of(const struct comparison *comparison, uint8_t **ou
         return ERR_MEMORY;
     for (int32_t f = 0; f < comparison->b.count; f++) {
         struct part_difference parts[PART_COUNT];
-        part_differences(&comparison->a, &comparison->judged, &comparison->timeline, f, parts);
+        comparison_differences(comparison, &comparison->judged, f, parts);
         const int at = (int)((int64_t)f * CELLS / comparison->b.count);
         for (int p = 0; p < PART_COUNT; p++) {
             uint8_t *v = &cell[p * CELLS + at];
@@ -369,16 +369,20 @@ static void write_strip(FILE *to, const struct comparison *comparison, const uin
         fputs("<span>", to);
         put_words(to, part_name(comparison->mirrored ? mirrored_part((enum part)p) : (enum part)p));
         fputs("</span>", to);
-        write_strip_row(to, &cell[p * CELLS], cells);
+        if (comparison->by.ignored >> p & 1)
+            fputs("<span class=\"dim\">does not matter</span>", to);
+        else
+            write_strip_row(to, &cell[p * CELLS], cells);
     }
     fputs("<span></span><div class=\"times\">", to);
     const int step = time_step_s(seconds);
     for (int s = 0; s <= (int)(0.95 * seconds); s += step)
         fprintf(to, "<span style=\"left:%.1f%%\">%d s</span>", 100 * s / seconds, s);
-    fputs("</div></div><p class=\"dim keys\"><span><i class=\"key\" style=\"background:var(--different)\"></i>"
-          "more than 10° different</span><span><i class=\"key\" style=\"background:var(--same)\"></i>the same</span>"
-          "<span><i class=\"key\" style=\"background:var(--unknown)\"></i>cannot tell</span></p></div>",
-          to);
+    fprintf(to,
+            "</div></div><p class=\"dim keys\"><span><i class=\"key\" style=\"background:var(--different)\"></i>"
+            "more than %s different</span><span><i class=\"key\" style=\"background:var(--same)\"></i>the same</span>"
+            "<span><i class=\"key\" style=\"background:var(--unknown)\"></i>cannot tell</span></p></div>",
+            expectation_is_empty(&comparison->expected) ? "10°" : "what is expected here, or 10°,");
 }
 
 // ------------------------------------------------------------- time alignment
@@ -695,6 +699,13 @@ static void write_progress(FILE *to, const struct report_attempt *attempts, int3
 
 // ------------------------------------------------------------- the page
 
+static void write_expected(FILE *to, const struct comparison *comparison)
+{
+    char text[EXPECTATION_TEXT_BYTES];
+    if (*expectation_text(&comparison->expected, text))
+        fprintf(to, "<p>Expected here: %s.</p>", text);
+}
+
 static bool write_attempt(FILE *to, const struct report_attempt *attempt, const char *reference_name)
 {
     const struct comparison *c = attempt->c;
@@ -702,6 +713,7 @@ static bool write_attempt(FILE *to, const struct report_attempt *attempt, const 
     const bool whole = verdicts_of(c, &cell) == OK;
     const int more = attempt->moment_count - 1;
     write_names(to, attempt, reference_name);
+    write_expected(to, c);
     fputs("<div class=\"two\"><div>", to);
     write_findings(to, c);
     write_repetitions(to, c);

@@ -110,6 +110,8 @@ void pair_sums_add(struct pair_sums *sums, const struct movement *a, const struc
         const struct movement_frame *in_a = &a->frames[x->pairs[k].a], *in_b = &b->frames[x->pairs[k].b];
         const struct carried_directions ca = carried_directions_of(in_a), cb = carried_directions_of(in_b);
         for (int p = 0; p < PART_COUNT; p++) {
+            if (sums->ignored >> p & 1)
+                continue;
             if (ca.known & cb.known & 1u << p)
                 add_pair(&sums->carried[p], ca.direction[p], cb.direction[p]);
             if (in_a->known & in_b->known & 1u << p) {
@@ -187,19 +189,20 @@ static void take_off_noise(struct spreads *s, const struct noise_sum *a, const s
     s->course2 = fmax(0, s->course2 - noise_a - noise_b);
 }
 
-static void measure_part(int p, const struct spreads *s, struct part_deviation *out)
+// natural: the part's spreads, or what is expected instead of them.
+static void measure_part(const struct spreads *s, const double natural[DEVIATIONS], struct part_deviation *out)
 {
     const double ratio = 0.5 * portable_log((s->variance_b + MOVED_FLOOR) / (s->variance_a + MOVED_FLOOR));
-    out->z[DEVIATION_OFFSET] = sqrt(s->offset2) / spread[p][DEVIATION_OFFSET];
+    out->z[DEVIATION_OFFSET] = sqrt(s->offset2) / natural[DEVIATION_OFFSET];
     out->z[DEVIATION_COURSE] =
-        sqrt(s->course2 / (s->variance_a + s->variance_b + MOVED_FLOOR)) / spread[p][DEVIATION_COURSE];
-    out->z[DEVIATION_RANGE] = (ratio > 0 ? LARGER_SHARE * ratio : -ratio) / spread[p][DEVIATION_RANGE];
+        sqrt(s->course2 / (s->variance_a + s->variance_b + MOVED_FLOOR)) / natural[DEVIATION_COURSE];
+    out->z[DEVIATION_RANGE] = (ratio > 0 ? LARGER_SHARE * ratio : -ratio) / natural[DEVIATION_RANGE];
     out->cost = 0;
     for (int k = 0; k < DEVIATIONS; k++)
         out->cost += robust_cost(out->z[k]) / DEVIATIONS;
 }
 
-struct score_terms score_posture(const struct pair_sums *sums, const double *moved)
+struct score_terms score_posture(const struct pair_sums *sums, const double *moved, const struct tolerances *by)
 {
     struct score_terms terms = {.posture = 0};
     double most = 0, sum[2] = {0};
@@ -210,7 +213,10 @@ struct score_terms score_posture(const struct pair_sums *sums, const double *mov
             continue;
         struct spreads s = spreads_of(&sums->carried[p]);
         take_off_noise(&s, &sums->noise[0][p], &sums->noise[1][p]);
-        measure_part(p, &s, &terms.part[p]);
+        double natural[DEVIATIONS];
+        for (int k = 0; k < DEVIATIONS; k++)
+            natural[k] = (by ? by->spread[p][k] : 1) * spread[p][k];
+        measure_part(&s, natural, &terms.part[p]);
         terms.part[p].weight = is_trunk(p) ? 1 : (moved ? moved[p] : sqrt(s.variance_a)) + MIN_MOVED_RAD;
         sum[is_trunk(p)] += terms.part[p].weight;
     }

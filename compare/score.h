@@ -15,11 +15,13 @@
 // exercise of the arms the arms matter. With what is missing or added and what the findings say, each a share of what
 // is then left, that is the cost C, and the score is 100 (1 - C).
 //
+// Where something else is expected (expectation.h) the natural spreads are multiplied by what that says, and parts that
+// do not matter are unknown.
+//
 // The halves are by hand: docs/notes/comparing.md has what was tried beside them.
 #pragma once
 #include "compare/difference.h"
-
-enum deviation { DEVIATION_OFFSET, DEVIATION_COURSE, DEVIATION_RANGE, DEVIATIONS };
+#include "compare/expectation.h"
 
 struct part_deviation {
     double z[DEVIATIONS]; // in natural spreads
@@ -46,14 +48,15 @@ struct pair_sums {
     struct noise_sum {
         double sum, count;  // rad^2
     } noise[2][PART_COUNT]; // of the directions of A's and of B's parts (score.c)
+    uint16_t ignored;       // parts of which nothing is added
 };
 void pair_sums_add(struct pair_sums *sums, const struct movement *a, const struct movement *b,
                    const struct alignment *x);
 void noise_sums_add(struct noise_sum sums[PART_COUNT], const struct movement *movement, int32_t first, int32_t end);
 
 // posture and part; the rest of the terms is zeroed. moved: [PART_COUNT], how much the reference moves each part, rad;
-// NULL: as its directions vary over the pairs.
-struct score_terms score_posture(const struct pair_sums *sums, const double *moved);
+// NULL: as its directions vary over the pairs. by: NULL: the natural spreads.
+struct score_terms score_posture(const struct pair_sums *sums, const double *moved, const struct tolerances *by);
 
 double robust_cost(double z); // of a deviation of z natural spreads, 0..1
 

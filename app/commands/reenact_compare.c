@@ -348,7 +348,7 @@ static enum status compare_attempt(struct compare_run *run, int k)
     progress_bar_step(run->bar);
     if (status == OK) {
         print_warnings(run, a->with[k].path, &source);
-        status = comparison_make(&reference, &attempt, &run->comparisons[k]);
+        status = comparison_make(&reference, &attempt, NULL, &run->comparisons[k]);
     }
     progress_bar_step(run->bar);
     movement_free(&reference);

@@ -111,7 +111,7 @@ static void *run_judge(void *self)
         status = movement_from_samples(&a->samples, &attempt);
     }
     if (status == OK)
-        status = comparison_make(&j->part, &attempt, &a->comparison);
+        status = comparison_make(&j->part, &attempt, NULL, &a->comparison);
     a->compared = status == OK;
     if (a->compared)
         fill_strip(a);

@@ -246,7 +246,7 @@ enum status attempt_film(const struct attempt_plan *plan, const char *dump, stru
             status = write_joints(&take[k], dump, plan->index, names[k]);
     }
     if (status == OK)
-        status = comparison_make(&movement[REFERENCE], &movement[ATTEMPT], &c);
+        status = comparison_make(&movement[REFERENCE], &movement[ATTEMPT], NULL, &c);
     // Of a mirror image another part belongs to each part.
     if (status == OK && plan->edit.kind != EDIT_MIRRORED)
         status = judge_frames(&c, take, &plan->edit, out);

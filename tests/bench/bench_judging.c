@@ -84,7 +84,7 @@ static enum status compare_joints(const struct joints *reference, const struct j
     if (status == OK)
         status = movement_of_joints(attempt, &b);
     if (status == OK)
-        status = comparison_make(&a, &b, out);
+        status = comparison_make(&a, &b, NULL, out);
     movement_free(&a);
     movement_free(&b);
     return status;

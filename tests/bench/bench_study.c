@@ -137,7 +137,7 @@ static enum status measure_comparison(const struct views_data *d)
     if (deg) {
         bench_study.angle_deg = bench_percentile(deg, count, 0.5);
         bench_study.angle_p95_deg = bench_percentile(deg, count, 0.95);
-        status = comparison_make(&truth, &own, &c);
+        status = comparison_make(&truth, &own, NULL, &c);
         bench_study.score = status == OK ? c.score : NAN;
     }
     if (deg && status == OK)

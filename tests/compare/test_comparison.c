@@ -236,7 +236,7 @@ static double lost_legs_ratio(double *score)
     }
     movement_of(&s, &reference);
     struct comparison c;
-    EXPECT_STATUS(comparison_make(&reference, &attempt, &c), OK);
+    EXPECT_STATUS(comparison_make(&reference, &attempt, NULL, &c), OK);
     EXPECT_INT(c.repetitions.count, 5);
     const double ratio = c.terms.part[PART_LEFT_FOREARM].weight / c.terms.part[PART_LEFT_SHIN].weight;
     *score = c.score;
@@ -335,7 +335,7 @@ static void test_unknown_joints(void **state)
         s.at[i].skeleton.confidence[JOINT_RIGHT_HAND] = 0;
     movement_of(&s, &b);
     struct comparison c;
-    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_STATUS(comparison_make(&a, &b, NULL, &c), OK);
     EXPECT_NEAR(c.score, 100, 0.01);
     struct part_difference parts[PART_COUNT];
     part_differences(&c.a, &c.b, &c.timeline, 40, parts);
@@ -361,7 +361,7 @@ static void test_a_clock_that_jumps(void **state)
         joint_samples_free(&s);
         movement_of(&t, &b);
         struct comparison c;
-        EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+        EXPECT_STATUS(comparison_make(&a, &b, NULL, &c), OK);
         EXPECT_AT_LEAST(c.score, 99);
         comparison_free(&c);
     }
@@ -392,7 +392,7 @@ static void test_left_and_right_confused_for_some_frames(void **state)
     }
     movement_of(&s, &b);
     struct comparison c;
-    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_STATUS(comparison_make(&a, &b, NULL, &c), OK);
     EXPECT_NEAR(c.score, 100, 0.01);
     comparison_free(&c);
 }
@@ -459,7 +459,7 @@ static void test_a_short_mistake_is_no_posture(void **state)
     for (int k = 0; k < 2; k++) {
         struct movement lost = make_lost(&a, 0.25), sound = make(&attempts[k]);
         struct comparison c;
-        EXPECT_STATUS(comparison_make(&lost, &sound, &c), OK);
+        EXPECT_STATUS(comparison_make(&lost, &sound, NULL, &c), OK);
         if (worst_posture(&c) > 0)
             print_findings(&c);
         EXPECT_AT_MOST(worst_posture(&c), 0);
@@ -467,7 +467,7 @@ static void test_a_short_mistake_is_no_posture(void **state)
     }
     struct movement wrong = make_lost(&a, 1), sound = make(&a);
     struct comparison c;
-    EXPECT_STATUS(comparison_make(&sound, &wrong, &c), OK);
+    EXPECT_STATUS(comparison_make(&sound, &wrong, NULL, &c), OK);
     EXPECT_AT_LEAST(worst_posture(&c), 20);
     comparison_free(&c);
 }
@@ -480,7 +480,7 @@ static void test_a_short_mistake_is_no_range(void **state)
     e.still = true;
     struct movement lost = make_lost(&e, 0.25), sound = make(&e);
     struct comparison c;
-    EXPECT_STATUS(comparison_make(&lost, &sound, &c), OK);
+    EXPECT_STATUS(comparison_make(&lost, &sound, NULL, &c), OK);
     if (find(&c, FINDING_RANGE))
         print_findings(&c);
     EXPECT_AT_LEAST(c.range_a[ANGLE_RIGHT_SHOULDER].high - c.range_a[ANGLE_RIGHT_SHOULDER].low, 0.5);

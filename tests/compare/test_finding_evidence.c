@@ -26,7 +26,7 @@ static struct comparison compare(struct joint_samples *a, struct joint_samples *
 {
     struct movement ma = make(a), mb = make(b);
     struct comparison c;
-    EXPECT_STATUS(comparison_make(&ma, &mb, &c), OK);
+    EXPECT_STATUS(comparison_make(&ma, &mb, NULL, &c), OK);
     for (int k = 0; k < c.finding_count; k++)
         print_message("%s %s: %s, cost %.4f, %.1f points\n", finding_kind_name(c.findings[k].kind), c.findings[k].part,
                       c.findings[k].sentence, c.findings[k].cost, c.findings[k].loss);

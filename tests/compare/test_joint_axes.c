@@ -187,7 +187,7 @@ static struct comparison compared(const struct axes *axes, bool exchanged)
     struct comparison c;
     struct movement a = read_movement(write_file("# axes: camera\n", exercising, &same, false)),
                     b = read_movement(write_file("", exercising, axes, exchanged));
-    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_STATUS(comparison_make(&a, &b, NULL, &c), OK);
     return c;
 }
 

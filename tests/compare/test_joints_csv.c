@@ -170,7 +170,7 @@ static double score_against_plain(const char *path)
     static const struct dialect plain = {.metres = 1, .seconds = 1};
     EXPECT_STATUS(movement_read(write_dialect("plain.csv", &plain), NULL, &a, &source), OK);
     EXPECT_STATUS(movement_read(path, NULL, &b, &source), OK);
-    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_STATUS(comparison_make(&a, &b, NULL, &c), OK);
     const double score = c.score;
     EXPECT_INT(c.finding_count, 0);
     comparison_free(&c);
@@ -251,7 +251,7 @@ static void test_what_is_not_judged_is_said(void **state)
         char said[NOT_JUDGED_BYTES];
         EXPECT_STATUS(movement_read(write_dialect("a.csv", &a), NULL, &x, &source), OK);
         EXPECT_STATUS(movement_read(write_dialect("b.csv", &b), NULL, &y, &source), OK);
-        EXPECT_STATUS(comparison_make(&x, &y, &c), OK);
+        EXPECT_STATUS(comparison_make(&x, &y, NULL, &c), OK);
         EXPECT_AT_LEAST(c.score, 99);
         assert_string_equal(not_judged_text(&c, said), cases[i].words);
         char *const reports[] = {report_text(&c, true), report_json(&(struct report_attempt){.c = &c})};
@@ -345,7 +345,7 @@ static void test_a_file_with_nan_is_compared(void **state)
     write_exercise("holes.csv", true);
     EXPECT_STATUS(movement_read(scratch_file(&scratch, "whole.csv"), NULL, &a, &source), OK);
     EXPECT_STATUS(movement_read(scratch_file(&scratch, "holes.csv"), NULL, &b, &source), OK);
-    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_STATUS(comparison_make(&a, &b, NULL, &c), OK);
     EXPECT_TRUE(isfinite(c.score));
     EXPECT_AT_LEAST(c.score, 98);
     for (int32_t f = 0; f < c.finding_count; f++)

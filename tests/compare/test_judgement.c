@@ -20,7 +20,7 @@ static struct comparison compare(const struct exercise *a, const struct exercise
         EXPECT_STATUS(movement_from_samples(&samples, &movement[k]), OK);
         joint_samples_free(&samples);
     }
-    EXPECT_STATUS(comparison_make(&movement[0], &movement[1], &c), OK);
+    EXPECT_STATUS(comparison_make(&movement[0], &movement[1], NULL, &c), OK);
     return c;
 }
 

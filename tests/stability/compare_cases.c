@@ -185,7 +185,7 @@ static struct answer ask_score(const double *in)
         status = movement_from_samples(&s, &b);
     joint_samples_free(&s);
     if (status == OK)
-        status = comparison_make(&a, &b, &c);
+        status = comparison_make(&a, &b, NULL, &c);
     const double score = status == OK ? c.score : 0;
     if (status == OK)
         comparison_free(&c);

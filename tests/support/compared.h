@@ -28,7 +28,7 @@ static inline struct comparison compare(const struct exercise *a, const struct e
 {
     struct movement ma = make(a), mb = make(b);
     struct comparison c;
-    EXPECT_STATUS(comparison_make(&ma, &mb, &c), OK);
+    EXPECT_STATUS(comparison_make(&ma, &mb, NULL, &c), OK);
     return c;
 }
 
