@@ -144,9 +144,9 @@ _@function@()
 @value_cases@    esac
     if [ -n "$values" ]; then
         COMPREPLY=($(compgen -W "$values" -- "$current"))
-    elif [[ $before == --take || $before == --with-take ]]; then
-        for word in "${COMP_WORDS[@]:1}"; do # the first recording named, of --with-take the last
-            [ -f "$word" ] && [[ -z $file || $before == --with-take ]] && file=$word
+    elif [[ $before == --take || $before == --with-take || $before == --reference-take ]]; then
+        for word in "${COMP_WORDS[@]:1}"; do # the first recording named, of --with-take and --reference-take the last
+            [ -f "$word" ] && [[ -z $file || $before != --take ]] && file=$word
         done
         [ -n "$file" ] && while IFS= read -r take; do
             [[ $take == "$current"* ]] && COMPREPLY+=("$(printf %q "$take")")

@@ -1,4 +1,5 @@
-// reenact-capture take: renames, deletes, trims and copies takes, and keeps notes on them.
+// reenact-capture take: renames, deletes, trims and copies takes, and keeps notes on them and what is expected of them.
+#include "app/commands/capture_take_expect.h"
 #include "app/commands/commands.h"
 #include "base/text.h"
 #include "capture/take_verdict.h"
@@ -14,9 +15,30 @@ struct take_arguments {
     const char *action, *file, *take, *name, *into, *note, *alias;
     double from_s, to_s;
     bool has_from, has_to, yes;
+    struct expect_arguments expect;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_NAME, KEY_INTO, KEY_NOTE, KEY_ALIAS, KEY_FROM, KEY_TO, KEY_YES };
+enum {
+    KEY_TAKE = COMMAND_KEY,
+    KEY_NAME,
+    KEY_INTO,
+    KEY_NOTE,
+    KEY_ALIAS,
+    KEY_FROM,
+    KEY_TO,
+    KEY_YES,
+    KEY_TOLERANCE,
+    KEY_IGNORE,
+    KEY_REFERENCE,
+    KEY_CLEAR
+};
+
+static void add_value(struct argp_state *state, const char *option, const char **values, int *count, const char *value)
+{
+    if (*count == EXPECT_OPTIONS_MAX)
+        argp_error(state, "%s is given more than %d times", option, EXPECT_OPTIONS_MAX);
+    values[(*count)++] = value;
+}
 
 static error_t parse_option(int key, char *value, struct argp_state *state)
 {
@@ -36,14 +58,20 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
         a->has_to = true;
         return 0;
     case KEY_YES: a->yes = true; return 0;
+    case KEY_TOLERANCE: add_value(state, "--tolerance", a->expect.tolerance, &a->expect.tolerances, value); return 0;
+    case KEY_IGNORE: add_value(state, "--ignore", a->expect.ignore, &a->expect.ignores, value); return 0;
+    case KEY_REFERENCE: add_value(state, "--reference", a->expect.reference, &a->expect.references, value); return 0;
+    case KEY_CLEAR: a->expect.clear = true; return 0;
     case ARGP_KEY_ARG:
         if (!a->action)
             a->action = value;
+        else if (a->file && !a->take)
+            a->take = value;
         else
             command_take_file(state, &a->file, value);
         return 0;
     case ARGP_KEY_END:
-        command_require(state, a->action, "rename, delete, trim, copy or note");
+        command_require(state, a->action, "rename, delete, trim, copy, note or expect");
         command_require(state, a->file, "FILE");
         command_require(state, a->take, "--take NAME");
         return 0;
@@ -166,15 +194,22 @@ static enum status annotate_take(const struct take_arguments *arguments)
     return recording_annotate_take(arguments->file, arguments->take, arguments->note, arguments->alias);
 }
 
+static enum status expect_of_take(const struct take_arguments *arguments)
+{
+    struct expect_arguments e = arguments->expect;
+    e.file = arguments->file;
+    e.take = arguments->take;
+    e.from_s = arguments->has_from ? arguments->from_s : -1;
+    e.to_s = arguments->has_to ? arguments->to_s : -1;
+    return take_expect(&e);
+}
+
 // NOTHING: the user thought better of it.
 static const struct action {
     const char *name;
     enum status (*run)(const struct take_arguments *a);
-} actions[] = {{"rename", rename_take},
-               {"delete", delete_take},
-               {"trim", trim_take},
-               {"copy", copy_take},
-               {"note", annotate_take}};
+} actions[] = {{"rename", rename_take}, {"delete", delete_take}, {"trim", trim_take},
+               {"copy", copy_take},     {"note", annotate_take}, {"expect", expect_of_take}};
 
 static const char *wrong_usage(const struct take_arguments *arguments)
 {
@@ -195,22 +230,31 @@ int capture_take(int argc, char **argv)
         {"take", KEY_TAKE, "NAME", 0, "the take", 0},
         {"name", KEY_NAME, "NEW", 0, "rename, copy: the new name", 0},
         {"into", KEY_INTO, "FILE", 0, "copy: into this recording, which is made where there is none", 0},
-        {"from", KEY_FROM, "S", 0, "trim: the first second that stays", 0},
-        {"to", KEY_TO, "S", 0, "trim: the last one", 0},
+        {"from", KEY_FROM, "S", 0, "trim: the first second that stays; expect: that counts", 0},
+        {"to", KEY_TO, "S", 0, "trim, expect: the last one", 0},
         {"yes", KEY_YES, NULL, 0, "delete, trim: do not ask on a terminal whether it is meant", 0},
         {"note", KEY_NOTE, "TEXT", 0, "note: one line about the take; an empty one removes it", 0},
         {"alias", KEY_ALIAS, "NAME", 0, "note: who performs, under another name than the person's own", 0},
+        {"tolerance", KEY_TOLERANCE, "PART=DEGREES", 0,
+         "expect: how far off a part may be, like knees=20 or all=15; repeatable", 0},
+        {"ignore", KEY_IGNORE, "PART", 0, "expect: a part of the body that does not matter, like head; repeatable", 0},
+        {"reference", KEY_REFERENCE, "NAME", 0,
+         "expect: a further take that is right, too: what they differ by is the tolerance; repeatable", 0},
+        {"clear", KEY_CLEAR, NULL, 0, "expect: forget what was expected before", 0},
         {0},
     };
     static const struct argp argp = {
         options,
         parse_option,
-        "rename|delete|trim|copy|note FILE",
+        "rename|delete|trim|copy|note|expect FILE",
         "Changes the takes of a recording.\v"
         "Each is done whole or not at all, but for a copy into a file that was there: where that breaks off, the take "
         "is marked as interrupted. What delete and trim remove is overwritten with zeros and the file made "
         "smaller, which takes as much room on the disk again while it runs. On a terminal both ask first; where nobody "
-        "can answer, as in a script, they do not.",
+        "can answer, as in a script, they do not.\n"
+        "expect says what counts when the take is the reference of a comparison, added to what was expected before, "
+        "and "
+        "prints it; its seconds are those of a comparison, from the first frame with a person on.",
         0,
         0,
         0};

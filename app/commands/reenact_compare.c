@@ -1,6 +1,7 @@
 // reenact compare: where two movements differ.
 #include "app/commands/commands.h"
 #include "base/text.h"
+#include "compare/expected_take.h"
 #include "compare/findings.h"
 #include "compare/joint_samples.h"
 #include "compare/report.h"
@@ -196,24 +197,58 @@ static enum status compare_pictures_draw(struct compare_pictures *pictures, doub
 
 // ---------------------------------------------------------------- reenact compare
 
-enum { MAX_ATTEMPTS = 100 };
+enum { MAX_ATTEMPTS = 100, MAX_WORDS = 32 };
+
+struct named_movement {
+    const char *path, *take;
+};
 
 struct compare_arguments {
     const char *reference, *take, *html, *csv;
-    struct {
-        const char *path, *take;
-    } with[MAX_ATTEMPTS];
-    int attempts;
-    bool json, force, figures, all;
+    struct named_movement with[MAX_ATTEMPTS], further[MAX_WORDS]; // attempts; references beside the first
+    int attempts, furthers;
+    const char *tolerance[MAX_WORDS], *ignore[MAX_WORDS];
+    int tolerances, ignores;
+    double from_s, to_s; // < 0: not given
+    bool json, force, figures, all, everything;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_WITH, KEY_WITH_TAKE, KEY_JSON, KEY_HTML, KEY_CSV, KEY_FORCE, KEY_FIGURES, KEY_ALL };
+enum {
+    KEY_TAKE = COMMAND_KEY,
+    KEY_WITH,
+    KEY_WITH_TAKE,
+    KEY_JSON,
+    KEY_HTML,
+    KEY_CSV,
+    KEY_FORCE,
+    KEY_FIGURES,
+    KEY_TOLERANCE,
+    KEY_IGNORE,
+    KEY_FROM,
+    KEY_TO,
+    KEY_REFERENCE,
+    KEY_REFERENCE_TAKE,
+    KEY_EVERYTHING,
+    KEY_ALL
+};
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the reference's take; needed where A holds several", 0},
     {"with", KEY_WITH, "B", 0, "the attempt: a recording or a joints-csv file; repeatable", 0},
     {"with-take", KEY_WITH_TAKE, "NAME", 0, "the attempt's take; given again: one more attempt of the same recording",
      0},
+    {"tolerance", KEY_TOLERANCE, "PART=DEGREES", 0,
+     "how far off a part may be, like knees=20 or all=15; repeatable. This and the next five are added to what A keeps "
+     "for its take (reenact-capture take expect)",
+     0},
+    {"ignore", KEY_IGNORE, "PART", 0, "a part of the body that does not matter, like head; repeatable", 0},
+    {"from", KEY_FROM, "S", 0, "the first second of the reference that counts", 0},
+    {"to", KEY_TO, "S", 0, "the last one", 0},
+    {"reference", KEY_REFERENCE, "FILE", 0,
+     "a further reference, which is right, too: what they differ by is the tolerance; repeatable", 0},
+    {"reference-take", KEY_REFERENCE_TAKE, "NAME", 0,
+     "its take; without --reference, or given again: one more of the same recording", 0},
+    {"everything", KEY_EVERYTHING, NULL, 0, "leave aside what A keeps: everything counts", 0},
     {"html", KEY_HTML, "FILE", 0, "also write a page with pictures", 0},
     {"figures", KEY_FIGURES, NULL, 0, "stick figures in the page, instead of people as recorded", 0},
     {"all", KEY_ALL, NULL, 0, "print every finding, not only the three worst", 0},
@@ -240,10 +275,40 @@ static void take_take(struct argp_state *state, struct compare_arguments *argume
     arguments->with[arguments->attempts - 1].take = name;
 }
 
+static void take_further(struct argp_state *state, struct compare_arguments *arguments, const char *path)
+{
+    if (arguments->furthers == MAX_WORDS)
+        argp_error(state, "at most %d further references can be given", MAX_WORDS);
+    arguments->further[arguments->furthers++].path = path;
+}
+
+// path NULL: the reference's own file.
+static void take_further_take(struct argp_state *state, struct compare_arguments *arguments, const char *name)
+{
+    const int last = arguments->furthers - 1;
+    if (last < 0 || arguments->further[last].take)
+        take_further(state, arguments, last < 0 ? NULL : arguments->further[last].path);
+    arguments->further[arguments->furthers - 1].take = name;
+}
+
+static void take_word(struct argp_state *state, const char *words[MAX_WORDS], int *count, const char *word)
+{
+    if (*count == MAX_WORDS)
+        argp_error(state, "at most %d parts can be named", MAX_WORDS);
+    words[(*count)++] = word;
+}
+
 static error_t parse_option(int key, char *value, struct argp_state *state)
 {
     struct compare_arguments *a = state->input;
     switch (key) {
+    case KEY_TOLERANCE: take_word(state, a->tolerance, &a->tolerances, value); return 0;
+    case KEY_IGNORE: take_word(state, a->ignore, &a->ignores, value); return 0;
+    case KEY_FROM: a->from_s = command_parse_number(state, "--from", value, 0, 1e6); return 0;
+    case KEY_TO: a->to_s = command_parse_number(state, "--to", value, 0, 1e6); return 0;
+    case KEY_REFERENCE: take_further(state, a, value); return 0;
+    case KEY_REFERENCE_TAKE: take_further_take(state, a, value); return 0;
+    case KEY_EVERYTHING: a->everything = true; return 0;
     case KEY_TAKE: a->take = value; return 0;
     case KEY_WITH: take_attempt(state, a, value); return 0;
     case KEY_WITH_TAKE: take_take(state, a, value); return 0;
@@ -272,6 +337,8 @@ static enum status check_output(const struct compare_arguments *arguments, const
     bool compared = file_is_same(path, arguments->reference);
     for (int k = 0; k < arguments->attempts; k++)
         compared = compared || file_is_same(path, arguments->with[k].path);
+    for (int k = 0; k < arguments->furthers; k++)
+        compared = compared || (arguments->further[k].path && file_is_same(path, arguments->further[k].path));
     if (compared)
         return fail(ERR_INPUT, "%s is what is compared; give the report another name", path);
     if (arguments->html && arguments->csv && !strcmp(arguments->html, arguments->csv))
@@ -305,6 +372,7 @@ struct compare_run {
     const struct compare_arguments *arguments;
     const char *program;
     struct progress_bar *bar;
+    struct expectation expected;
     struct comparison comparisons[MAX_ATTEMPTS];
     struct report_moment moments[MAX_ATTEMPTS][REPORT_MOMENTS];
     struct report_attempt attempts[MAX_ATTEMPTS];
@@ -332,6 +400,59 @@ static void print_warnings(const struct compare_run *run, const char *of, const 
                 path, (long long)source->frames_dropped);
 }
 
+// What the options say, beside what the reference's recording keeps.
+static enum status set_expected(const struct compare_arguments *arguments, double seconds, struct expectation *e)
+{
+    enum status status = OK;
+    for (int i = 0; i < arguments->tolerances && status == OK; i++)
+        status = expectation_set_tolerance(e, arguments->tolerance[i]);
+    for (int i = 0; i < arguments->ignores && status == OK; i++)
+        status = expectation_ignore(e, arguments->ignore[i]);
+    if (status == OK && (arguments->from_s >= 0 || arguments->to_s >= 0)) {
+        const double to_s = e->to_s > 0 ? e->to_s : -1;
+        status = expectation_set_stretch(e, arguments->from_s >= 0 ? arguments->from_s : e->from_s,
+                                         arguments->to_s >= 0 ? arguments->to_s : to_s, seconds);
+    }
+    return status;
+}
+
+static enum status add_further(struct compare_run *run, const struct movement *reference,
+                               const struct named_movement *of, struct reference_spread *spread)
+{
+    struct movement further = {0};
+    struct movement_source source;
+    const char *path = of->path ? of->path : run->arguments->reference;
+    const enum status status = movement_read(path, of->take, &further, &source);
+    if (status != OK)
+        return status;
+    print_warnings(run, path, &source);
+    return reference_spread_add(spread, reference, &further, &run->expected, name_of(path, of->take));
+}
+
+// What counts when this is the reference, into run->expected.
+static enum status expect_of_reference(struct compare_run *run, const struct movement *reference)
+{
+    const struct compare_arguments *a = run->arguments;
+    struct expected_take kept = {.number = -1};
+    struct reference_spread spread = {.references = 0};
+    enum status status = OK;
+    if (!a->everything && !is_joints_csv(a->reference))
+        status = expected_take_read(a->reference, a->take, reference, &kept);
+    if (status == OK)
+        status = set_expected(a, reference->count / MOVEMENT_RATE_HZ, &kept.expected);
+    if (status == OK)
+        status = expected_take_measure(a->reference, reference, &kept, &spread);
+    run->expected = kept.expected;
+    for (int k = 0; k < a->furthers && status == OK; k++)
+        status = add_further(run, reference, &a->further[k], &spread);
+    if (status == OK && spread.references)
+        reference_spread_put(&spread, &run->expected);
+    const struct movement_source notes = {.notes = kept.notes};
+    if (status == OK)
+        print_warnings(run, a->reference, &notes);
+    return status;
+}
+
 enum { STEPS = 3 }; // of an attempt: the reference read, the attempt read, both compared
 
 static enum status compare_attempt(struct compare_run *run, int k)
@@ -343,12 +464,14 @@ static enum status compare_attempt(struct compare_run *run, int k)
     progress_bar_step(run->bar);
     if (status == OK && !k)
         print_warnings(run, a->reference, &reference_source);
+    if (status == OK && !k)
+        status = expect_of_reference(run, &reference);
     if (status == OK)
         status = movement_read(a->with[k].path, a->with[k].take, &attempt, &source);
     progress_bar_step(run->bar);
     if (status == OK) {
         print_warnings(run, a->with[k].path, &source);
-        status = comparison_make(&reference, &attempt, NULL, &run->comparisons[k]);
+        status = comparison_make(&reference, &attempt, &run->expected, &run->comparisons[k]);
     }
     progress_bar_step(run->bar);
     movement_free(&reference);
@@ -423,7 +546,7 @@ static enum status write_reports(struct compare_run *run)
 
 int reenact_compare(int argc, char **argv)
 {
-    struct compare_arguments a = {0};
+    struct compare_arguments a = {.from_s = -1, .to_s = -1};
     const struct argp argp = {
         options,
         parse_option,

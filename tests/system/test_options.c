@@ -425,7 +425,7 @@ static void test_completion_offers_what_is_taken(void **state)
         }
     }
     offer_takes();
-    static const char *const takes[] = {"rename", "delete", "trim", "copy", "note"};
+    static const char *const takes[] = {"rename", "delete", "trim", "copy", "note", "expect"};
     expect_offered(CAPTURE, "take ''", takes, COUNT_OF(takes), false);
     static const char *const things[] = {"serve", "list", "note"};
     expect_offered(CAPTURE, "objects ''", things, COUNT_OF(things), true);
