@@ -299,6 +299,36 @@ static enum status choose_side(struct comparison *comparison)
     return status;
 }
 
+static void move_timeline(struct timeline *timeline, float frames)
+{
+    for (int32_t f = 0; f < timeline->count; f++)
+        timeline->reference[f] += frames;
+}
+
+// Of what counts, in frames of the whole: what is left out of the reference beside it is not missing.
+static enum status measure_pace(struct comparison *comparison, bool repeated)
+{
+    const struct movement a = counted_frames(&comparison->a, comparison->counted_a),
+                          b = counted_frames(&comparison->judged, comparison->counted_b);
+    const int32_t first_a = comparison->counted_a.first, first_b = comparison->counted_b.first;
+    struct timeline counted = {comparison->timeline.reference + first_b, b.count};
+    struct pace *pace = &comparison->pace;
+    move_timeline(&counted, (float)-first_a);
+    const enum status status = pace_measure(&a, &b, comparison->parts, &counted, repeated, pace);
+    move_timeline(&counted, (float)first_a);
+    pace->a_first += first_a;
+    pace->a_end += first_a;
+    pace->b_first += first_b;
+    pace->b_end += first_b;
+    for (int32_t k = 0; k < pace->piece_count; k++) {
+        pace->pieces[k].a_first += first_a;
+        pace->pieces[k].a_end += first_a;
+        pace->pieces[k].b_first += first_b;
+        pace->pieces[k].b_end += first_b;
+    }
+    return status;
+}
+
 // ---------------------------------------------------------------- relation
 
 const char *relation_name(enum relation relation)
@@ -426,7 +456,8 @@ static double spare_share(const struct comparison *comparison)
     double spare = 0;
     for (int32_t k = 0; k < pace->piece_count; k++)
         spare += pace->pieces[k].a_end - pace->pieces[k].a_first + pace->pieces[k].b_end - pace->pieces[k].b_first;
-    return spare / (comparison->a.count + comparison->judged.count);
+    return spare / (comparison->counted_a.end - comparison->counted_a.first + comparison->counted_b.end -
+                    comparison->counted_b.first);
 }
 
 // Do the repetitions, as they were found, say no more than the whole? They do not where the whole is more alike, or
@@ -463,8 +494,7 @@ static enum status judge_repetitions(struct comparison *comparison, struct timel
     comparison->similarity = similarity_of(&all->sums);
     comparison->judged_share[0] = comparison->judged_share[1] = 1; // nearly: MIN_COVERED in repetitions.c
     pace_free(&comparison->pace);
-    return pace_measure(&comparison->a, &comparison->judged, comparison->parts, &comparison->timeline, true,
-                        &comparison->pace);
+    return measure_pace(comparison, true);
 }
 
 static enum status measure_ranges(struct comparison *comparison)
@@ -480,8 +510,7 @@ static enum status judge_attempt(struct comparison *comparison)
     struct timeline repeated = {0};
     enum status status = align_all(comparison, &repeated);
     if (status == OK)
-        status = pace_measure(&comparison->a, &comparison->judged, comparison->parts, &comparison->timeline, false,
-                              &comparison->pace);
+        status = measure_pace(comparison, false);
     if (status == OK)
         status = measure_shares(comparison);
     if (status == OK)

@@ -1,6 +1,7 @@
 #include "app/live/live_attempt.h"
 
 #include "base/threads.h"
+#include "compare/expected_take.h"
 #include "compare/findings.h"
 
 #include <math.h>
@@ -13,7 +14,9 @@ struct attempt_judge {
     char *path, *names[2]; // of takes: the recording's, the reference's and the attempt's; NULL: of an attempt
     void (*notify)(void *self);
     void *notify_self;
-    struct movement part; // of the reference
+    struct movement part;        // of the reference
+    struct expectation expected; // of the part, in its own time
+    bool counts;                 // some of the stretch that counts is in the part
     struct live_attempt attempt;
     struct worker_thread worker;
     bool taken;
@@ -78,7 +81,7 @@ static void fill_strip(struct live_attempt *attempt)
         struct part_difference parts[PART_COUNT];
         if (isnan(c->timeline.reference[f]))
             continue;
-        part_differences(&c->a, &c->judged, &c->timeline, f, parts);
+        comparison_differences(c, &c->judged, f, parts);
         const int first = (int)((int64_t)f * ATTEMPT_CELLS / c->timeline.count),
                   end = (int)((int64_t)(f + 1) * ATTEMPT_CELLS / c->timeline.count);
         for (int cell = first; cell < end || cell == first; cell++)
@@ -90,10 +93,29 @@ static void fill_strip(struct live_attempt *attempt)
     }
 }
 
+// What is expected of the part of the reference that was done.
+static void expect_of_part(struct attempt_judge *judge, const struct attempt_task *task)
+{
+    judge->counts = true;
+    if (!task->expected)
+        return;
+    struct expectation *e = &judge->expected;
+    *e = *task->expected;
+    if (!(e->to_s > 0))
+        return;
+    e->from_s = fmax(0, e->from_s - task->first / MOVEMENT_RATE_HZ);
+    e->to_s = fmin((task->end - task->first) / MOVEMENT_RATE_HZ, e->to_s - task->first / MOVEMENT_RATE_HZ);
+    judge->counts = e->to_s > e->from_s;
+}
+
 static enum status read_takes(struct attempt_judge *judge)
 {
     struct movement_source source;
-    const enum status status = movement_read(judge->path, judge->names[0], &judge->part, &source);
+    struct joint_notes notes = {.count = 0};
+    enum status status = movement_read(judge->path, judge->names[0], &judge->part, &source);
+    judge->counts = true;
+    if (status == OK)
+        status = expectation_of_take(judge->path, judge->names[0], &judge->part, &judge->expected, &notes);
     return status == OK ? joint_samples_read_take(judge->path, judge->names[1], &judge->attempt.samples) : status;
 }
 
@@ -110,8 +132,10 @@ static void *run_judge(void *self)
         (void)joint_samples_mend_sides(&a->samples);
         status = movement_from_samples(&a->samples, &attempt);
     }
+    if (status == OK && !j->counts)
+        status = fail(ERR_INPUT, "Nothing was done of what counts here");
     if (status == OK)
-        status = comparison_make(&j->part, &attempt, NULL, &a->comparison);
+        status = comparison_make(&j->part, &attempt, &j->expected, &a->comparison);
     a->compared = status == OK;
     if (a->compared)
         fill_strip(a);
@@ -151,6 +175,7 @@ enum status attempt_judge_start(struct attempt_judge **out, const struct attempt
     j->attempt = (struct live_attempt){
         .number = task->number, .mirrored = task->mirrored, .samples = *samples, .first = task->first};
     *samples = (struct joint_samples){0};
+    expect_of_part(j, task);
     enum status status = copy_part(task->reference, task->first, task->end, &j->part);
     return start_thread(out, j, status);
 }

@@ -28,9 +28,10 @@ double live_attempt_reference(const struct live_attempt *attempt, int64_t time_n
 struct attempt_judge;
 
 struct attempt_task {
-    const struct movement *reference; // the whole; read while opening only
-    bool mirrored;                    // it is the mirror image of what was recorded
-    int32_t first, end;               // of its frames: the part that was done
+    const struct movement *reference;   // the whole; read while opening only
+    bool mirrored;                      // it is the mirror image of what was recorded
+    const struct expectation *expected; // what counts of it; NULL: everything. Read while opening only
+    int32_t first, end;                 // of its frames: the part that was done
     int number;
     void (*notify)(void *self); // called on the thread at the end; may be NULL
     void *notify_self;

@@ -16,6 +16,7 @@ static const double UNKNOWN_HEIGHT_M = 1;
 struct live_tracker {
     struct calibration calibration;
     const struct movement *reference, *mirrored;
+    struct expectation expected[2]; // of `reference` and of `mirrored`
     struct follower *follower;
     struct live_judge *judge;   // NULL: no reference
     bool holds_world, is_level; // live_tracker_hold_world; the last frame's world was `level`, not the place
@@ -35,6 +36,10 @@ enum status live_tracker_open(struct live_tracker **out, const struct live_track
     t->calibration = *options->calibration;
     t->reference = options->reference;
     t->mirrored = options->mirrored;
+    if (options->expected) {
+        t->expected[0] = *options->expected;
+        t->expected[1] = expectation_mirror(options->expected);
+    }
     t->shown.end = t->reference ? t->reference->count : 0;
     struct follower_options follow = follower_default_options();
     follow.place = options->place;
@@ -42,6 +47,8 @@ enum status live_tracker_open(struct live_tracker **out, const struct live_track
     enum status status = follower_open(&t->follower, &t->calibration, &follow);
     if (status == OK && t->reference)
         status = live_judge_open(&t->judge, t->reference);
+    if (t->judge)
+        live_judge_set_expectation(t->judge, &t->expected[0]);
     if (status != OK)
         live_tracker_close(&t);
     *out = t;
@@ -63,8 +70,9 @@ void live_tracker_show(struct live_tracker *tracker, const struct live_shown *sh
     tracker->shown = *shown;
     if (!tracker->judge)
         return;
-    live_judge_set_reference(tracker->judge,
-                             shown->mirrored && tracker->mirrored ? tracker->mirrored : tracker->reference);
+    const bool mirrored = shown->mirrored && tracker->mirrored;
+    live_judge_set_reference(tracker->judge, mirrored ? tracker->mirrored : tracker->reference);
+    live_judge_set_expectation(tracker->judge, &tracker->expected[mirrored]);
     live_judge_set_window(tracker->judge, shown->first, shown->end);
 }
 

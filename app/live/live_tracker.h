@@ -22,6 +22,7 @@ struct live_tracker_options {
     const struct place *place;             // to locate it in; NULL or empty: none. Must outlive the tracker
     const struct movement *reference;      // to judge by; NULL: only tracked. Must outlive the tracker
     const struct movement *mirrored;       // its mirror image; NULL: never judged by. Must outlive the tracker
+    const struct expectation *expected;    // what counts of `reference`; NULL: everything. Copied
     bool finds_points;                     // body points, in colour images, on a thread of their own
 };
 // ERR_INPUT: no usable depth lens. ERR_MEMORY. *out is then NULL.

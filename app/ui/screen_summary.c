@@ -5,6 +5,7 @@
 #include "compare/findings.h"
 #include "compare/good_parts.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -273,6 +274,18 @@ static void good_line(const struct brush *brush, const struct comparison *compar
     ui_text_lines(brush->ui, FACE_SMALL, (struct ui_point){at.x + 24, at.y}, at.w - 23, brush->theme->text, text);
 }
 
+// What counts here, where somebody said so and there is room for it.
+static void draw_expected(const struct brush *brush, const struct comparison *comparison, struct ui_box *in)
+{
+    char text[EXPECTATION_TEXT_BYTES];
+    if (!*expectation_text(&comparison->expected, text))
+        return;
+    *text = (char)toupper((unsigned char)*text);
+    const double h = ui_text_height(brush->ui, FACE_SMALL, text, in->w);
+    if (h < 0.4 * in->h)
+        paragraph(brush, FACE_SMALL, cut_bottom(in, h), brush->theme->quiet, text);
+}
+
 static void draw_findings(const struct brush *brush, struct screens *screens, struct view_state *state,
                           const struct live_page *page, struct ui_box box)
 {
@@ -286,8 +299,10 @@ static void draw_findings(const struct brush *brush, struct screens *screens, st
     if (page->why_not)
         none = page->why_not;
     label(brush, FACE_HEAD, head, t->text, "What differs");
-    if (c)
+    if (c) {
         good_line(brush, c, &in);
+        draw_expected(brush, c, &in);
+    }
     if (!c || !c->finding_count)
         paragraph(brush, FACE_BODY, in, t->quiet, none);
     else

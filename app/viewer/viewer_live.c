@@ -7,6 +7,7 @@
 #include "app/viewer/viewer_parts.h"
 #include "base/clamp.h"
 #include "base/clock.h"
+#include "compare/expected_take.h"
 #include "compare/findings.h"
 
 #include <math.h>
@@ -37,6 +38,7 @@ struct viewer_live {
     struct live_sensor *sensor;
     struct movement reference;      // of the take
     struct movement mirrored;       // its mirror image
+    struct expectation expected;    // what counts of it
     int64_t offset_ns;              // of its first frame in the take
     struct body body;               // the actor's
     const struct live_frame *frame; // the newest at the last update; NULL: none
@@ -87,10 +89,13 @@ static const struct movement *reference_of(const struct viewer_live *live, bool 
 static enum status read_take(struct viewer_live *live, const char *name)
 {
     struct movement_source source;
+    struct joint_notes notes; // of what cannot be used; then everything counts
     struct take *take = NULL;
     enum status status = movement_read(live->shared->options.file, name, &live->reference, &source);
     if (status == OK)
         status = movement_mirror(&live->reference, &live->mirrored);
+    if (status == OK)
+        status = expectation_of_take(live->shared->options.file, name, &live->reference, &live->expected, &notes);
     if (status == OK)
         status = take_open(&take, live->shared->recording, name);
     if (status != OK)
@@ -111,6 +116,7 @@ static void close_take(struct viewer_live *live)
     live_attempt_free(&live->shown);
     movement_free(&live->reference);
     movement_free(&live->mirrored);
+    live->expected = (struct expectation){.ignored = 0};
     live->frame = NULL;
     live->anchor = (struct live_anchor){0};
     live->offset_ns = live->uploaded = 0;
@@ -131,6 +137,7 @@ enum status viewer_live_open_take(struct viewer_live *live, const char *take)
                                             .place = place,
                                             .reference = &live->reference,
                                             .mirrored = &live->mirrored,
+                                            .expected = &live->expected,
                                             .keeper = live->keeper,
                                             .no_body_points = live->shared->options.no_body_points,
                                             .every_frame = live->shared->options.every_frame,
@@ -321,8 +328,10 @@ static void judge_attempt(struct viewer_live *live, int64_t now_ns)
     if (live_sensor_take_samples(live->sensor, live->shared->state.live.finished, &samples) < 0)
         view_state_warn(&live->shared->state, status_message(), now_ns);
     const bool mirrored = live->shared->state.live.attempt_mirrored;
+    const struct expectation expected = mirrored ? expectation_mirror(&live->expected) : live->expected;
     const struct attempt_task task = {.reference = reference_of(live, mirrored),
                                       .mirrored = mirrored,
+                                      .expected = &expected,
                                       .first = live->first,
                                       .end = live->end,
                                       .number = live->shared->state.live.finished,
@@ -481,8 +490,8 @@ static void fill_review(struct viewer_live *live)
     }
     const int32_t f = (int32_t)lround((double)s->review_at_ns * 1e-9 * MOVEMENT_RATE_HZ);
     struct part_difference parts[PART_COUNT];
-    part_differences(&a->comparison.a, &a->comparison.judged, &a->comparison.timeline,
-                     f < a->comparison.b.count ? f : a->comparison.b.count - 1, parts);
+    comparison_differences(&a->comparison, &a->comparison.judged,
+                           f < a->comparison.b.count ? f : a->comparison.b.count - 1, parts);
     for (int p = 0; p < PART_COUNT; p++)
         live->review_verdicts[p] = parts[judged_part(&a->comparison, p)].verdict;
     live->page.review_verdicts = live->review_verdicts;

@@ -82,20 +82,58 @@ static void test_frames_are_judged_by_the_mirrored_actor(void **state)
     close_reference(&r);
 }
 
-static struct live_attempt judge(const struct movement *reference, bool mirrored, bool person_mirrored)
+static struct live_attempt judge_expecting(const struct movement *reference, bool mirrored, bool person_mirrored,
+                                           const struct expectation *expected)
 {
     struct joint_samples s = samples_of(person_mirrored);
     struct attempt_judge *j;
     struct live_attempt a;
-    const struct attempt_task task = {
-        .reference = reference, .mirrored = mirrored, .first = 0, .end = reference->count, .number = 1};
+    const struct attempt_task task = {.reference = reference,
+                                      .mirrored = mirrored,
+                                      .expected = expected,
+                                      .first = expected ? 10 : 0,
+                                      .end = reference->count,
+                                      .number = 1};
     EXPECT_STATUS(attempt_judge_start(&j, &task, &s), OK);
     while (!attempt_judge_finished(j, &a))
         clock_sleep_until_ns(clock_now_ns() + 1000000);
     attempt_judge_close(&j);
-    EXPECT_TRUE(a.compared);
     EXPECT_INT(a.mirrored, mirrored);
     return a;
+}
+
+static struct live_attempt judge(const struct movement *reference, bool mirrored, bool person_mirrored)
+{
+    struct live_attempt a = judge_expecting(reference, mirrored, person_mirrored, NULL);
+    EXPECT_TRUE(a.compared);
+    return a;
+}
+
+// The times of what counts are the whole reference's, of which only a part may have been done.
+static void test_attempts_are_judged_by_what_is_expected(void **state)
+{
+    (void)state;
+    struct reference r = open_reference();
+    const struct expectation middle = {.ignored = 1 << PART_HEAD, .from_s = 1, .to_s = 2}, before = {.to_s = 0.3};
+    struct live_attempt a = judge_expecting(&r.plain, false, false, &middle);
+    EXPECT_TRUE(a.compared);
+    EXPECT_INT(a.comparison.by.ignored, 1 << PART_HEAD);
+    EXPECT_NEAR(a.comparison.expected.from_s, 1 - 10 / MOVEMENT_RATE_HZ, 1e-9);
+    EXPECT_INT(a.comparison.counted_a.first, 20);
+    EXPECT_INT(a.comparison.counted_a.end, 50);
+    EXPECT_AT_LEAST(a.comparison.score, 95);
+    bool any = false, head = false;
+    for (int cell = 0; cell < ATTEMPT_CELLS; cell++) {
+        any = any || a.strip[cell][PART_RIGHT_UPPER_ARM] == VERDICT_SAME;
+        head = head || a.strip[cell][PART_HEAD] == VERDICT_SAME || a.strip[cell][PART_HEAD] == VERDICT_DIFFERENT;
+    }
+    EXPECT_TRUE(any && !head);
+    live_attempt_free(&a);
+    a = judge_expecting(&r.plain, false, false, &before);
+    EXPECT_TRUE(!a.compared);
+    EXPECT_TRUE(strstr(a.why, "counts"));
+    live_attempt_free(&a);
+    close_reference(&r);
 }
 
 static void test_attempts_are_judged_by_the_mirrored_actor(void **state)
@@ -121,6 +159,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_frames_are_judged_by_the_mirrored_actor),
         cmocka_unit_test(test_attempts_are_judged_by_the_mirrored_actor),
+        cmocka_unit_test(test_attempts_are_judged_by_what_is_expected),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
