@@ -177,6 +177,7 @@ char *report_json(const struct report_attempt *attempt)
     fprintf(to, ",\n  \"relation\": \"%s\",\n  \"relation_sentence\": \"%s\",\n  \"mirrored\": %s,\n",
             relation_name(comparison->relation), comparison->relation_sentence,
             comparison->mirrored ? "true" : "false");
+    json_expected(to, comparison);
     fprintf(to, "  \"judged_share\": [%.3f, %.3f],\n  \"level\": %.2f,\n  \"frames\": [\n", comparison->judged_share[0],
             comparison->judged_share[1], VERDICT_LEVEL);
     for (int32_t f = 0; f < comparison->b.count; f++) {

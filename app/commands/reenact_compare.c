@@ -422,11 +422,13 @@ static enum status add_further(struct compare_run *run, const struct movement *r
     struct movement further = {0};
     struct movement_source source;
     const char *path = of->path ? of->path : run->arguments->reference;
+    char name[TEXT_SHOWN_BYTES];
     const enum status status = movement_read(path, of->take, &further, &source);
     if (status != OK)
         return status;
     print_warnings(run, path, &source);
-    return reference_spread_add(spread, reference, &further, &run->expected, name_of(path, of->take));
+    snprintf(name, sizeof name, of->take ? "take '%s'" : "%s", name_of(path, of->take));
+    return reference_spread_add(spread, reference, &further, &run->expected, name);
 }
 
 // What counts when this is the reference, into run->expected.
