@@ -556,16 +556,6 @@ enum status comparison_make(struct movement *a, struct movement *b, const struct
     return status;
 }
 
-void comparison_differences(const struct comparison *c, const struct movement *b, int32_t frame,
-                            struct part_difference out[PART_COUNT])
-{
-    part_differences(&c->a, b, &c->timeline, frame, out);
-    for (int p = 0; p < PART_COUNT; p++)
-        out[p].verdict = c->by.ignored >> p & 1
-                             ? VERDICT_UNKNOWN
-                             : verdict_within(out[p].angle_rad, out[p].sigma_rad, c->by.threshold[p] * DIFFERENT_RAD);
-}
-
 void comparison_free(struct comparison *comparison)
 {
     movement_free(&comparison->a);

@@ -70,6 +70,10 @@ MUST_CHECK enum status comparison_make(struct movement *a, struct movement *b, c
                                        struct comparison *out);
 // part_differences of the reference and `b`, which is c->b or c->judged, by what is expected: parts that do not matter
 // are unknown.
-void comparison_differences(const struct comparison *c, const struct movement *b, int32_t frame,
-                            struct part_difference out[PART_COUNT]);
+static inline void comparison_differences(const struct comparison *c, const struct movement *b, int32_t frame,
+                                          struct part_difference out[PART_COUNT])
+{
+    part_differences(&c->a, b, &c->timeline, frame, out);
+    part_differences_judge(out, &c->by);
+}
 void comparison_free(struct comparison *comparison); // zeroed is fine; leaves it zeroed

@@ -421,3 +421,12 @@ void part_differences(const struct movement *a, const struct movement *b, const 
         out[p].verdict = verdict_of(out[p].angle_rad, out[p].sigma_rad);
     }
 }
+
+void part_differences_judge(struct part_difference parts[PART_COUNT], const struct tolerances *by)
+{
+    for (int p = 0; p < PART_COUNT; p++) {
+        const double different_rad = by->threshold[p] * DIFFERENT_RAD;
+        parts[p].verdict = by->ignored >> p & 1 ? VERDICT_UNKNOWN
+                                                : verdict_within(parts[p].angle_rad, parts[p].sigma_rad, different_rad);
+    }
+}

@@ -1,6 +1,7 @@
 // The difference of two aligned movements, instant by instant of the attempt B.
 #pragma once
 #include "compare/alignment.h"
+#include "compare/expectation.h"
 #include "compare/feature_box.h"
 #include "compare/movement.h"
 
@@ -43,6 +44,9 @@ struct movement_frame movement_at(const struct movement *movement, double frame)
 // it would be right for independent frames and an exact sigma; by hand).
 void part_differences(const struct movement *a, const struct movement *b, const struct timeline *timeline,
                       int32_t frame, struct part_difference out[PART_COUNT]);
+
+// Gives the verdicts anew by what is expected: parts that do not matter are unknown.
+void part_differences_judge(struct part_difference parts[PART_COUNT], const struct tolerances *by);
 
 // ---------------------------------------------------------------- limb times
 
