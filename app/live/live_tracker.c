@@ -72,6 +72,8 @@ void live_tracker_show(struct live_tracker *tracker, const struct live_shown *sh
         return;
     const bool mirrored = shown->mirrored && tracker->mirrored;
     live_judge_set_reference(tracker->judge, mirrored ? tracker->mirrored : tracker->reference);
+    tracker->expected[0].ignored = shown->ignored;
+    tracker->expected[1].ignored = expectation_mirror(&tracker->expected[0]).ignored;
     live_judge_set_expectation(tracker->judge, &tracker->expected[mirrored]);
     live_judge_set_window(tracker->judge, shown->first, shown->end);
 }

@@ -32,7 +32,8 @@ void live_tracker_close(struct live_tracker **tracker); // NULL is fine; sets *t
 // Which of the reference's frames is shown to the person now, and among which theirs is looked for.
 struct live_shown {
     int32_t frame, first, end;
-    bool mirrored; // judged by the mirror image
+    bool mirrored;    // judged by the mirror image
+    uint16_t ignored; // the reference's parts that do not matter, in place of those that were expected at first
 };
 void live_tracker_show(struct live_tracker *tracker, const struct live_shown *shown);
 void live_tracker_restart_judge(struct live_tracker *tracker); // an attempt begins

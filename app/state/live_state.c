@@ -31,7 +31,8 @@ struct live_state live_state_start(bool has_camera)
                                .pace = LIVE_FOLLOW,
                                .tempo = 1,
                                .ghost = true,
-                               .hands_free = true};
+                               .hands_free = true,
+                               .counts = {true, true, true, true}};
 }
 
 static void enter_phase(struct live_state *state, enum live_phase phase, int64_t now_ns)
@@ -156,10 +157,25 @@ static void start_or_stop(struct live_state *state, int64_t now_ns)
     }
 }
 
+static void switch_counting(struct live_state *state, enum live_group group)
+{
+    int others = 0;
+    for (int g = 0; g < LIVE_GROUPS; g++)
+        others += g != (int)group && state->counts[g];
+    if (!others)
+        return;
+    state->counts[group] = !state->counts[group];
+    state->counts_changed = true;
+}
+
 void live_state_do(struct live_state *state, enum live_action action, int64_t now_ns)
 {
     if (state->of_takes && action != LIVE_DO_BACK_STEP && action != LIVE_DO_ON_STEP)
         return; // there is nothing to do again, or to keep
+    if (action >= LIVE_DO_COUNT && action <= LIVE_DO_COUNT_LAST) {
+        switch_counting(state, (enum live_group)(action - LIVE_DO_COUNT));
+        return;
+    }
     switch (action) {
     case LIVE_DO_START: start_or_stop(state, now_ns); break;
     case LIVE_DO_SCREEN: next_screen(state); break;
@@ -182,6 +198,7 @@ void live_state_do(struct live_state *state, enum live_action action, int64_t no
         if (state->phase == LIVE_SUMMARY)
             live_state_review(state, (state->reviewing ? state->review_from_ns : state->review_at_ns) + STEP_BACK_NS);
         break;
+    default: break;
     }
 }
 

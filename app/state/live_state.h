@@ -22,6 +22,9 @@ enum live_screen {
 };
 enum live_pace { LIVE_FOLLOW, LIVE_KEEP_UP }; // the actor waits for the person; the actor goes on
 
+// What counts of the take, or does not matter, by touch.
+enum live_group { GROUP_HEAD, GROUP_TRUNK, GROUP_ARMS, GROUP_LEGS, LIVE_GROUPS };
+
 enum live_action {
     LIVE_DO_START,  // begin, stop, again
     LIVE_DO_SCREEN, // the next screen that there is
@@ -35,6 +38,8 @@ enum live_action {
     LIVE_DO_MARK_TO,   // and ends here
     LIVE_DO_LOOP,      // the marked part, or all of it, again and again
     LIVE_DO_MIRROR,    // the actor left and right exchanged, or as recorded; an attempt that is being made begins again
+    LIVE_DO_COUNT,     // + enum live_group: it counts or does not matter; one at least counts
+    LIVE_DO_COUNT_LAST = LIVE_DO_COUNT + LIVE_GROUPS - 1,
     LIVE_DO_KEEP,      // keep the last attempt as a take
     LIVE_DO_BACK_STEP, // in the summary: play half a second earlier, or later
     LIVE_DO_ON_STEP,
@@ -74,6 +79,8 @@ struct live_state {
     double tempo;
     bool over, ghost, loop, hands_free;
     bool mirrored;                        // the actor is shown, and the person judged, left and right exchanged
+    bool counts[LIVE_GROUPS];             // false: does not matter
+    bool counts_changed;                  // by touch; the owner takes it back
     int64_t length_ns;                    // of the take
     int64_t marked_from_ns, marked_to_ns; // the part that is done: from 0 to length_ns where nothing is marked
     int64_t at_ns;                        // the actor's instant

@@ -331,6 +331,15 @@ bool live_action_of(enum view_action action, enum live_phase phase, enum live_ac
 {
     const bool summary = phase == LIVE_SUMMARY;
     const enum live_action step_on = phase == LIVE_READY ? LIVE_DO_MIRROR : LIVE_DO_MARK_TO;
+    if (action >= DO_COUNT && action <= DO_COUNT_LAST) {
+        *out = (enum live_action)(LIVE_DO_COUNT + (action - DO_COUNT));
+        return true;
+    }
+    static_assert(DO_SEE_ABOVE - DO_SEE_FRONT == LIVE_GROUPS - 1, "the keys 1 to 4");
+    if (action >= DO_SEE_FRONT && action <= DO_SEE_ABOVE) {
+        *out = (enum live_action)(LIVE_DO_COUNT + (action - DO_SEE_FRONT));
+        return true;
+    }
     switch (action) {
     case DO_PLAY_PAUSE:
     case DO_CHOOSE: *out = LIVE_DO_START; return true;

@@ -109,6 +109,8 @@ enum view_action {
     DO_MARK_FROM,
     DO_MARK_TO,
     DO_KEEP,
+    DO_COUNT, // + enum live_group
+    DO_COUNT_LAST = DO_COUNT + LIVE_GROUPS - 1,
 };
 
 // What is known of the camera at an instant.

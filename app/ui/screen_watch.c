@@ -118,6 +118,17 @@ static struct button_group sides_group(void)
                                  5};
 }
 
+static struct button_group counts_group(const struct live_state *state)
+{
+    static const char *const names[LIVE_GROUPS] = {"count-head", "count-trunk", "count-arms", "count-legs"},
+                             *const texts[LIVE_GROUPS] = {"Head", "Trunk", "Arms", "Legs"};
+    struct button_group g = {.name = "What counts", .count = LIVE_GROUPS};
+    for (int i = 0; i < LIVE_GROUPS; i++)
+        g.controls[i] =
+            (struct control){names[i], texts[i], state->counts[i] ? BUTTON_ON : BUTTON_RAISED, DO_COUNT + i};
+    return g;
+}
+
 // What stands before the switches: for what moves meanwhile, and may be wanted again and again. Count 0: nothing.
 static struct button_group first_group(const struct brush *brush, const struct view_state *state)
 {
@@ -176,8 +187,9 @@ static void rows_draw(const struct brush *brush, struct screens *screens, struct
 {
     const bool developer = state->developer && state->sheet == SHEET_LAYERS;
     const struct button_group first = first_group(brush, state);
-    const double first_h = group_height(brush, &first, in.w),
-                 content_h = sheet_rows_height(count + developer) + first_h;
+    const struct button_group last = state->sheet == SHEET_LIVE ? counts_group(&state->live) : (struct button_group){0};
+    const double first_h = group_height(brush, &first, in.w), last_h = group_height(brush, &last, in.w),
+                 content_h = sheet_rows_height(count + developer) + first_h + last_h;
     struct scroll *scroll = &screens->sheet;
     scroll->at += state->list_steps * SHEET_ROW;
     state->list_steps = 0;
@@ -193,6 +205,9 @@ static void rows_draw(const struct brush *brush, struct screens *screens, struct
             view_state_do(state, rows[i].action, now_ns);
         more += y + SHEET_ROW > in.y + in.h + 1;
     }
+    if (last.count)
+        group_draw(&inside, state, &last, (struct ui_box){in.x, y, in.w, last_h}, now_ns);
+    y += last_h;
     y += text_size_row(&inside, state, (struct ui_box){in.x, y, in.w, SHEET_ROW}, now_ns);
     more += y > in.y + in.h + 1;
     if (developer) {

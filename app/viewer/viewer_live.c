@@ -38,7 +38,8 @@ struct viewer_live {
     struct live_sensor *sensor;
     struct movement reference;      // of the take
     struct movement mirrored;       // its mirror image
-    struct expectation expected;    // what counts of it
+    struct expected_take expecting; // what counts of it
+    bool unkept;                    // that was changed by touch, and is not in the file yet
     int64_t offset_ns;              // of its first frame in the take
     struct body body;               // the actor's
     const struct live_frame *frame; // the newest at the last update; NULL: none
@@ -86,16 +87,63 @@ static const struct movement *reference_of(const struct viewer_live *live, bool 
 
 // ---------------------------------------------------------------- opening
 
+static uint16_t group_parts(int group)
+{
+    static const uint16_t parts[LIVE_GROUPS] = {
+        [GROUP_HEAD] = 1u << PART_HEAD,
+        [GROUP_TRUNK] = 1u << PART_UPPER_TORSO | 1u << PART_LOWER_TORSO,
+        [GROUP_ARMS] =
+            1u << PART_LEFT_UPPER_ARM | 1u << PART_LEFT_FOREARM | 1u << PART_RIGHT_UPPER_ARM | 1u << PART_RIGHT_FOREARM,
+        [GROUP_LEGS] = 1u << PART_LEFT_THIGH | 1u << PART_LEFT_SHIN | 1u << PART_RIGHT_THIGH | 1u << PART_RIGHT_SHIN,
+    };
+    return parts[group];
+}
+
+// What was switched by touch. Of a group that counts in part, nothing changes until it is switched.
+static void take_counts(struct viewer_live *live)
+{
+    struct expectation *e = &live->expecting.expected;
+    struct live_state *s = &live->shared->state.live;
+    for (int g = 0; g < LIVE_GROUPS && s->counts_changed; g++) {
+        const uint16_t parts = group_parts(g);
+        if (!s->counts[g])
+            e->ignored |= parts;
+        else if ((e->ignored & parts) == parts)
+            e->ignored &= (uint16_t)~parts;
+    }
+    live->unkept = live->unkept || s->counts_changed;
+    s->counts_changed = false;
+}
+
+// Beside the take, for the next time; where the file cannot be written, it held for this time.
+static void keep_counts(struct viewer_live *live)
+{
+    struct expected_take *e = &live->expecting;
+    if (!live->unkept)
+        return;
+    live->unkept = false;
+    expectation_to_take(&e->expected, e->first_ns, e->seconds, &e->kept);
+    if (recorded_expectation_write(live->shared->options.file, e->number, &e->kept) != OK)
+        view_state_warn(&live->shared->state, "What counts could not be kept in the recording", clock_now_ns());
+}
+
 static enum status read_take(struct viewer_live *live, const char *name)
 {
     struct movement_source source;
-    struct joint_notes notes; // of what cannot be used; then everything counts
+    struct reference_spread spread = {.references = 0};
     struct take *take = NULL;
     enum status status = movement_read(live->shared->options.file, name, &live->reference, &source);
     if (status == OK)
         status = movement_mirror(&live->reference, &live->mirrored);
+    struct expected_take *expecting = &live->expecting; // what of it cannot be used is left out
     if (status == OK)
-        status = expectation_of_take(live->shared->options.file, name, &live->reference, &live->expected, &notes);
+        status = expected_take_read(live->shared->options.file, name, &live->reference, expecting);
+    if (status == OK)
+        status = expected_take_measure(live->shared->options.file, &live->reference, expecting, &spread);
+    if (status == OK && spread.references)
+        reference_spread_put(&spread, &expecting->expected);
+    for (int g = 0; g < LIVE_GROUPS; g++)
+        live->shared->state.live.counts[g] = group_parts(g) & (uint16_t)~expecting->expected.ignored;
     if (status == OK)
         status = take_open(&take, live->shared->recording, name);
     if (status != OK)
@@ -110,13 +158,14 @@ static enum status read_take(struct viewer_live *live, const char *name)
 
 static void close_take(struct viewer_live *live)
 {
+    keep_counts(live);
     live_sensor_close(&live->sensor);
     live_keeper_close(&live->keeper);
     attempt_judge_close(&live->judge);
     live_attempt_free(&live->shown);
     movement_free(&live->reference);
     movement_free(&live->mirrored);
-    live->expected = (struct expectation){.ignored = 0};
+    live->expecting = (struct expected_take){.number = -1};
     live->frame = NULL;
     live->anchor = (struct live_anchor){0};
     live->offset_ns = live->uploaded = 0;
@@ -137,7 +186,7 @@ enum status viewer_live_open_take(struct viewer_live *live, const char *take)
                                             .place = place,
                                             .reference = &live->reference,
                                             .mirrored = &live->mirrored,
-                                            .expected = &live->expected,
+                                            .expected = &live->expecting.expected,
                                             .keeper = live->keeper,
                                             .no_body_points = live->shared->options.no_body_points,
                                             .every_frame = live->shared->options.every_frame,
@@ -328,7 +377,7 @@ static void judge_attempt(struct viewer_live *live, int64_t now_ns)
     if (live_sensor_take_samples(live->sensor, live->shared->state.live.finished, &samples) < 0)
         view_state_warn(&live->shared->state, status_message(), now_ns);
     const bool mirrored = live->shared->state.live.attempt_mirrored;
-    const struct expectation expected = mirrored ? expectation_mirror(&live->expected) : live->expected;
+    const struct expectation *e = &live->expecting.expected, expected = mirrored ? expectation_mirror(e) : *e;
     const struct attempt_task task = {.reference = reference_of(live, mirrored),
                                       .mirrored = mirrored,
                                       .expected = &expected,
@@ -346,6 +395,7 @@ void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
     struct live_state *s = &live->shared->state.live;
     if (!live->sensor)
         return;
+    take_counts(live);
     if (s->finished != live->finished) {
         live->finished = s->finished;
         if (!s->of_takes)
@@ -361,7 +411,8 @@ void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
                                    .shown = {.frame = at,
                                              .first = behind > live->first ? behind : live->first,
                                              .end = ahead < live->end ? ahead : live->end,
-                                             .mirrored = s->mirrored}};
+                                             .mirrored = s->mirrored,
+                                             .ignored = live->expecting.expected.ignored}};
     live_sensor_wish(live->sensor, &wish);
     if (s->keep_wanted) {
         s->keep_wanted = false;

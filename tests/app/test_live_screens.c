@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/png.h"
+#include "recording/recorded_expectation.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/live_glass.h"
 #include "tests/support/live_rehearsal.h"
@@ -109,6 +110,44 @@ static void test_the_actor_mirrored_is_the_reference(void **state)
     EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
     EXPECT_TRUE(viewer_live_view(g.viewer).attempt->compared);
     glass_close(&g);
+}
+
+// ---------------------------------------------------------------- what counts
+
+static uint16_t kept_ignored(void)
+{
+    struct recording *r;
+    struct take *take;
+    struct take_expectation kept;
+    EXPECT_STATUS(recording_open(&r, rehearsal.file), OK);
+    EXPECT_STATUS(take_open(&take, r, recording_take_name(r, 0)), OK);
+    EXPECT_AT_LEAST(recorded_expectation_read(take, &kept), OK);
+    const int64_t number = take_number(take);
+    take_close(&take);
+    recording_free(&r);
+    // for the tests that follow
+    EXPECT_STATUS(recorded_expectation_write(rehearsal.file, number, &(struct take_expectation){.ignored = 0}), OK);
+    return kept.ignored;
+}
+
+// Arms that do not matter, by touch: not coloured, not in the summary, and kept for the next time.
+static void test_what_does_not_matter_is_not_judged(void **state)
+{
+    (void)state;
+    struct glass g;
+    const uint16_t arms =
+        1 << PART_LEFT_UPPER_ARM | 1 << PART_LEFT_FOREARM | 1 << PART_RIGHT_UPPER_ARM | 1 << PART_RIGHT_FOREARM;
+    live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
+    live_glass_draw_until(&g, live_glass_sees_person);
+    view_state_do(g.state, (enum view_action)(DO_COUNT + GROUP_ARMS), clock_now_ns());
+    const struct live_tally t = live_glass_do_attempt(&g);
+    EXPECT_AT_LEAST(t.frames, FRAMES / 6);
+    EXPECT_INT(t.different[PART_RIGHT_FOREARM], 0);
+    EXPECT_TRUE(viewer_live_view(g.viewer).attempt->compared);
+    EXPECT_INT(viewer_live_view(g.viewer).attempt->comparison.by.ignored, arms);
+    EXPECT_TRUE(!live_glass_finds(&g, "elbow") && !live_glass_finds(&g, "orearm"));
+    glass_close(&g);
+    EXPECT_INT(kept_ignored(), arms);
 }
 
 // ---------------------------------------------------------------- through OpenNI2
@@ -221,6 +260,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_mistakes_are_shown_while_they_are_made),
         cmocka_unit_test(test_the_same_again_is_right),
         cmocka_unit_test(test_the_actor_mirrored_is_the_reference),
+        cmocka_unit_test(test_what_does_not_matter_is_not_judged),
         cmocka_unit_test(test_a_film_through_openni),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -373,6 +373,24 @@ static void test_actor_is_mirrored(void **state)
     EXPECT_INT(action, LIVE_DO_MIRROR);
 }
 
+// What does not matter is switched by group; one always counts.
+static void test_what_counts_is_switched(void **state)
+{
+    (void)state;
+    struct sitting t = begin();
+    enum live_action action;
+    EXPECT_TRUE(live_action_of((enum view_action)(DO_COUNT + GROUP_ARMS), LIVE_READY, &action));
+    live_state_do(&t.s, action, t.now_ns);
+    EXPECT_TRUE(!t.s.counts[GROUP_ARMS] && t.s.counts[GROUP_HEAD] && t.s.counts_changed);
+    live_state_do(&t.s, action, t.now_ns);
+    EXPECT_TRUE(t.s.counts[GROUP_ARMS]);
+    for (int g = 0; g < LIVE_GROUPS; g++)
+        live_state_do(&t.s, (enum live_action)(LIVE_DO_COUNT + g), t.now_ns);
+    EXPECT_TRUE(t.s.counts[LIVE_GROUPS - 1]);
+    for (int g = 0; g + 1 < LIVE_GROUPS; g++)
+        EXPECT_TRUE(!t.s.counts[g]);
+}
+
 static void test_screens_without_and_with_a_camera(void **state)
 {
     (void)state;
@@ -441,6 +459,7 @@ int main(void)
         cmocka_unit_test(test_summary_plays_the_place_that_is_touched),
         cmocka_unit_test(test_progress_keeps_the_last_attempts),
         cmocka_unit_test(test_actor_is_mirrored),
+        cmocka_unit_test(test_what_counts_is_switched),
         cmocka_unit_test(test_screens_without_and_with_a_camera),
         cmocka_unit_test(test_pad_and_keys_reach_everything),
         cmocka_unit_test(test_page_of_the_view_state),
