@@ -222,17 +222,13 @@ static int name_parts(uint16_t parts, char *out, size_t size)
             count++;
         }
     for (size_t i = 0; i < COUNT_OF(sided); i++) {
-        const uint16_t left = sided[i].left, right = sided[i].right, both = left | right;
-        if ((parts & both) == both) {
+        const bool left = (parts & sided[i].left) == sided[i].left, right = (parts & sided[i].right) == sided[i].right;
+        if (left && right)
             append_name(out, size, "", sided[i].two);
-            count += 2;
-        } else if ((parts & left) == left || (parts & right) == right) {
-            append_name(out, size, (parts & left) == left ? "left " : "right ", sided[i].one);
-            count++;
-        } else {
-            continue;
-        }
-        parts &= (parts & both) == both ? (uint16_t)~both : (uint16_t) ~((parts & left) == left ? left : right);
+        else if (left || right)
+            append_name(out, size, left ? "left " : "right ", sided[i].one);
+        parts &= (uint16_t) ~((left ? sided[i].left : 0) | (right ? sided[i].right : 0));
+        count += left + right;
     }
     return count;
 }
@@ -251,7 +247,7 @@ static void say_ignored(const struct expectation *expectation, char out[EXPECTAT
 static void say_tolerances(const struct expectation *expectation, char out[EXPECTATION_TEXT_BYTES])
 {
     uint16_t said = expectation->ignored;
-    bool first = true;
+    const char *between = *out ? "; " : "";
     for (int p = 0; p < PART_COUNT; p++) {
         const double rad = expectation->tolerance_rad[p];
         char names[300], text[340];
@@ -266,9 +262,9 @@ static void say_tolerances(const struct expectation *expectation, char out[EXPEC
             snprintf(names, sizeof names, "%s", expectation->ignored ? "the rest" : "everything");
         else
             (void)name_parts(parts, names, sizeof names);
-        snprintf(text, sizeof text, "%s%s within %.3g°", first && *out ? "; " : (first ? "" : ", "), names, rad * RAD);
+        snprintf(text, sizeof text, "%s%s within %.3g°", between, names, rad * RAD);
         append_text(out, EXPECTATION_TEXT_BYTES, text);
-        first = false;
+        between = ", ";
     }
 }
 
