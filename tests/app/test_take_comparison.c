@@ -84,7 +84,7 @@ static void test_takes_are_compared_on_a_thread(void **state)
     struct comparison c;
     EXPECT_STATUS(movement_read(path, "teacher", &movement[0], &source), OK);
     EXPECT_STATUS(movement_read(path, "pupil", &movement[1], &source), OK);
-    EXPECT_STATUS(comparison_make(&movement[0], &movement[1], &c), OK);
+    EXPECT_STATUS(comparison_make(&movement[0], &movement[1], NULL, &c), OK);
     struct live_attempt a = compare("teacher", "pupil");
     EXPECT_TRUE(a.compared);
     EXPECT_NEAR(a.comparison.score, c.score, 0);

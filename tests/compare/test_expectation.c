@@ -176,7 +176,8 @@ static void test_nothing_expected_changes_nothing(void **state)
     b.wrong_to_s = 3;
     const struct expectation none = {.ignored = 0};
     struct comparison plain = compare_expecting(&a, &b, NULL), empty = compare_expecting(&a, &b, &none);
-    char *said = report_json(&plain), *again = report_json(&empty);
+    char *said = report_json(&(struct report_attempt){.c = &plain, .name = "plain"}),
+         *again = report_json(&(struct report_attempt){.c = &empty, .name = "empty"});
     EXPECT_TRUE(said && again && !strcmp(said, again));
     EXPECT_TRUE(!strstr(said, "expected"));
     free(said);
@@ -206,7 +207,7 @@ static void test_a_part_that_does_not_matter(void **state)
     comparison_differences(&after, &after.b, 45, parts);
     EXPECT_INT(parts[PART_RIGHT_FOREARM].verdict, VERDICT_UNKNOWN);
     EXPECT_INT(parts[PART_RIGHT_UPPER_ARM].verdict, VERDICT_SAME);
-    char *json = report_json(&after), *text = report_text(&after),
+    char *json = report_json(&(struct report_attempt){.c = &after}), *text = report_text(&after, false),
          *html = report_html(&(struct report_attempt){.c = &after, .name = "b"}, 1, "a");
     EXPECT_TRUE(strstr(json, "\"expected\": {\"sentence\": \"the right elbow does not matter\", \"ignored\": "
                              "[\"right_forearm\"]"));
