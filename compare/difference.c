@@ -10,6 +10,7 @@
 
 const struct body_joint body_joints[BODY_JOINTS] = {
     {PART_UPPER_TORSO, CARRIER_NONE, PART_UPPER_TORSO, ANGLE_LEAN, -1},
+    {PART_UPPER_TORSO, CARRIER_NONE, PART_UPPER_TORSO, ANGLE_TWIST, -1},
     {PART_HEAD, CARRIER_TRUNK, PART_HEAD, ANGLE_HEAD, -1},
     {PART_LEFT_UPPER_ARM, CARRIER_TRUNK, PART_HEAD, ANGLE_LEFT_SHOULDER, 0},
     {PART_LEFT_FOREARM, CARRIER_PART, PART_LEFT_UPPER_ARM, ANGLE_LEFT_ELBOW, 0},
@@ -24,8 +25,13 @@ const struct body_joint body_joints[BODY_JOINTS] = {
 static bool joint_direction(const struct movement_frame *frame, const struct body_joint *joint, struct vec3 *d,
                             double *sigma)
 {
-    if (joint->part == PART_UPPER_TORSO)
-        return trunk_direction(frame, d, sigma);
+    if (joint->part == PART_UPPER_TORSO) {
+        if (!trunk_direction(frame, d, sigma))
+            return false;
+        if (joint->angle == ANGLE_TWIST) // about as wide as the trunk is high: taken for as exact
+            *d = vec3_from_floats(frame->shoulders);
+        return joint->angle != ANGLE_TWIST || frame->known >> PART_COUNT & 1;
+    }
     *d = vec3_from_floats(frame->direction[joint->part]);
     *sigma = frame->sigma[joint->part];
     return frame->known >> joint->part & 1;

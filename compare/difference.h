@@ -54,7 +54,8 @@ void part_differences_judge(struct part_difference parts[PART_COUNT], const stru
 //
 // A joint's part is looked at against what carries it: head and upper arms against the chest (the trunk's direction and
 // the shoulders' line), thighs against the hips, forearms and shins against upper arms and thighs. A's direction is
-// turned as A's carrier has to be turned onto B's; what remains is the joint's own difference.
+// turned as A's carrier has to be turned onto B's; what remains is the joint's own difference. The trunk is looked at
+// twice: where it points, and by the shoulders' line how it is turned against the hips.
 
 enum carrier { CARRIER_NONE, CARRIER_TRUNK, CARRIER_PART };
 
@@ -65,7 +66,7 @@ struct body_joint {
     enum body_angle angle;
     int limb; // 0..3: left arm, right arm, left leg, right leg; -1: none
 };
-enum { BODY_JOINTS = 10, LIMBS = 4 };
+enum { BODY_JOINTS = 11, LIMBS = 4 };
 extern const struct body_joint body_joints[BODY_JOINTS];
 
 // Difference of the part's directions, B - A, upright frame. sigma: of its length, rad. False: a part is unknown.

@@ -329,8 +329,8 @@ static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 // stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
 static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPPER_SHARE = 0.67;
 // What a joint is off by all along costs by its part's offset (score.h) and not once more: as little as it is off for a
-// quarter of the time.
-static const double OFFSET_QUANTILE = 0.25;
+// fifth of the time.
+static const double OFFSET_QUANTILE = 0.2;
 enum { FRAMES_AT_ONCE = 4096, THREADS = 4 }; // a thread's share of a long attempt; a short one has none of its own
 enum { MIN_FRAMES = 9, MAX_GAP = 9, SMOOTH_HALF = 11, MAX_HALF = 30, MIN_LATE = 20 };
 // By hand.
@@ -622,11 +622,13 @@ static const char *direction_word(const struct judge *judge, const double d[3])
     return x > 0 ? "further to the left" : "further to the right";
 }
 
+static bool is_turn(const struct body_joint *joint) { return joint->angle == ANGLE_TWIST; }
+
 // What the joint, or its part where no angle of it is named, is called on one side.
 static const char *noun_of(const struct body_joint *joint, bool angle)
 {
     if (joint->part == PART_UPPER_TORSO)
-        return "Trunk leans";
+        return is_turn(joint) ? "Trunk turns" : "Trunk leans";
     if (joint->part == PART_HEAD)
         return "Head";
     static const char *const names[2][2][2] = {{{"upper arm", "upper arm"}, {"forearm", "elbow"}},
@@ -645,7 +647,9 @@ static void say_posture(const struct judge *judge, const struct wrong *wrong, st
     const char *way = direction_word(judge, wrong->difference);
     f->amount = named ? wrong->angle_degrees : wrong->degrees;
     f->noun = noun_of(j, named);
-    if (named && trunk)
+    if (named && is_turn(j))
+        way = more != judge->c->mirrored ? "further to the left" : "further to the right";
+    else if (named && trunk)
         way = more ? "further forwards" : "further back";
     else if (named && bend)
         way = more ? "more bent" : "less bent";
@@ -686,7 +690,9 @@ static enum status add_posture(struct judge *judge, int32_t first, int32_t end)
     // What may be the joints' own error counts less.
     const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
     f.cost = sure * finding_cost(judge, fmax(0, w.degrees - judge->s.offset), f.to_s - f.from_s);
-    const bool mostly = level_of(&judge->s, first, end, 0.5, judge->scratch) >= judge->s.begin;
+    // Shoulders that are higher on one side, or drawn forwards, are no turn.
+    const bool mostly = level_of(&judge->s, first, end, 0.5, judge->scratch) >= judge->s.begin &&
+                        (!is_turn(judge->s.joint) || fabs(w.angle_degrees) >= 0.6 * w.degrees);
     return fabs(f.amount) < judge->s.begin || !mostly ? OK : finding_add(judge->c, &f, true);
 }
 
@@ -794,7 +800,7 @@ static enum status scan_range(struct judge *judge, bool *found)
     const double range_a = ((double)a->high - a->low) * RAD, range_b = ((double)b->high - b->low) * RAD,
                  threshold = judge->c->by.threshold[j->part];
     *found = false;
-    if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
+    if (isnan(range_a) || isnan(range_b) || (j->limb < 0 && !is_turn(j)) || range_a < 25 ||
         range_a - range_b <
             fmax(12 * threshold + SIGMA_SHARE * mean_sigma(&judge->s, judge->count),
                  0.2 * fmin(1, threshold) * range_a) || // going too far is posture: it has a place and a time

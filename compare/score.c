@@ -6,7 +6,7 @@
 #include <string.h>
 
 // Natural spreads, see score.h; left and right together. Offsets in rad, courses as shares, ranges as logarithms.
-static const double spread[PART_COUNT][DEVIATIONS] = {
+static const double spread[SCORED_LINES][DEVIATIONS] = {
     [PART_HEAD] = {0.24, 0.41, 0.15},
     [PART_UPPER_TORSO] = {0.12, 0.33, 0.16},
     [PART_LOWER_TORSO] = {0.18, 0.34, 0.16},
@@ -18,6 +18,7 @@ static const double spread[PART_COUNT][DEVIATIONS] = {
     [PART_RIGHT_THIGH] = {0.41, 0.48, 0.43},
     [PART_LEFT_SHIN] = {0.34, 0.48, 0.52},
     [PART_RIGHT_SHIN] = {0.34, 0.48, 0.52},
+    [LINE_SHOULDERS] = {0.10, 0.28, 0.16}, // the range is the torso's: in those exercises nobody turns
 };
 // Variance, rad^2 (10 degrees): of a part that moves less, course and range say little.
 static const double MOVED_FLOOR = 0.03;
@@ -25,6 +26,9 @@ static const double LARGER_SHARE = 0.5; // of a range that is too large
 static const double TRUNK_SHARE = 0.5;
 // By hand: limbs weigh as if each moved by 3 degrees at least.
 static const double MIN_MOVED_RAD = 0.05;
+
+// The shoulders' line is the upper torso's second one.
+static int part_of_line(int line) { return line == LINE_SHOULDERS ? PART_UPPER_TORSO : line; }
 
 static bool is_trunk(int p) { return p == PART_HEAD || p == PART_UPPER_TORSO || p == PART_LOWER_TORSO; }
 
@@ -47,7 +51,7 @@ double score_from_terms(const struct score_terms *terms)
 // ---------------------------------------------------------------- directions of parts against their carriers
 
 struct carried_directions {
-    double direction[PART_COUNT][3];
+    double direction[SCORED_LINES][3];
     uint16_t known;
 };
 
@@ -80,6 +84,8 @@ static struct carried_directions carried_directions_of(const struct movement_fra
     for (int p = 0; p < PART_COUNT; p++)
         if (is_trunk(p) && (frame->known >> p & 1))
             put_direction(&out, p, vec3_from_floats(frame->direction[p]));
+    if (frame->known >> LINE_SHOULDERS & 1)
+        put_direction(&out, LINE_SHOULDERS, vec3_from_floats(frame->shoulders));
     if (chest_from_upright(frame, &chest)) {
         put_limb(&out, frame, chest, PART_LEFT_UPPER_ARM);
         put_limb(&out, frame, chest, PART_RIGHT_UPPER_ARM);
@@ -109,12 +115,12 @@ void pair_sums_add(struct pair_sums *sums, const struct movement *a, const struc
     for (int32_t k = 0; k < x->count; k++) {
         const struct movement_frame *in_a = &a->frames[x->pairs[k].a], *in_b = &b->frames[x->pairs[k].b];
         const struct carried_directions ca = carried_directions_of(in_a), cb = carried_directions_of(in_b);
-        for (int p = 0; p < PART_COUNT; p++) {
-            if (sums->ignored >> p & 1)
+        for (int p = 0; p < SCORED_LINES; p++) {
+            if (sums->ignored >> part_of_line(p) & 1)
                 continue;
             if (ca.known & cb.known & 1u << p)
                 add_pair(&sums->carried[p], ca.direction[p], cb.direction[p]);
-            if (in_a->known & in_b->known & 1u << p) {
+            if (p < PART_COUNT && in_a->known & in_b->known & 1u << p) {
                 const double da[3] = {in_a->direction[p][0], in_a->direction[p][1], in_a->direction[p][2]},
                              db[3] = {in_b->direction[p][0], in_b->direction[p][1], in_b->direction[p][2]};
                 add_pair(&sums->upright[p], da, db);
@@ -146,7 +152,7 @@ static void add_noise(struct noise_sum *sum, const double before[3], const doubl
     sum->count++;
 }
 
-void noise_sums_add(struct noise_sum sums[PART_COUNT], const struct movement *movement, int32_t first, int32_t end)
+void noise_sums_add(struct noise_sum sums[SCORED_LINES], const struct movement *movement, int32_t first, int32_t end)
 {
     enum { KEPT = 2 * NOISE_STEP + 1 };
     struct carried_directions last[KEPT] = {{.known = 0}};
@@ -155,7 +161,7 @@ void noise_sums_add(struct noise_sum sums[PART_COUNT], const struct movement *mo
         *d = carried_directions_of(&movement->frames[f]);
         const struct carried_directions *middle = &last[(f + KEPT - NOISE_STEP) % KEPT],
                                         *before = &last[(f + 1) % KEPT];
-        for (int p = 0; p < PART_COUNT; p++) {
+        for (int p = 0; p < SCORED_LINES; p++) {
             if (f - first >= KEPT - 1 && (d->known & middle->known & before->known & 1u << p))
                 add_noise(&sums[p], before->direction[p], middle->direction[p], d->direction[p]);
         }
@@ -189,8 +195,8 @@ static void take_off_noise(struct spreads *s, const struct noise_sum *a, const s
     s->course2 = fmax(0, s->course2 - noise_a - noise_b);
 }
 
-// natural: the part's spreads, or what is expected instead of them.
-static void measure_part(const struct spreads *s, const double natural[DEVIATIONS], struct part_deviation *out)
+// natural: the line's spreads, or what is expected instead of them.
+static void measure_line(const struct spreads *s, const double natural[DEVIATIONS], struct part_deviation *out)
 {
     const double ratio = 0.5 * portable_log((s->variance_b + MOVED_FLOOR) / (s->variance_a + MOVED_FLOOR));
     out->z[DEVIATION_OFFSET] = sqrt(s->offset2) / natural[DEVIATION_OFFSET];
@@ -202,23 +208,47 @@ static void measure_part(const struct spreads *s, const double natural[DEVIATION
         out->cost += robust_cost(out->z[k]) / DEVIATIONS;
 }
 
+// Two lines of one part: it costs what they do in the mean, and is off by as much as the one that is off most.
+static void merge_lines(struct part_deviation *part, const struct part_deviation *line)
+{
+    const double weight = part->weight + line->weight;
+    if (!(weight > 0))
+        return;
+    for (int k = 0; k < DEVIATIONS; k++)
+        part->z[k] = fmax(part->z[k], line->z[k]);
+    part->cost = (part->weight * part->cost + line->weight * line->cost) / weight;
+    part->weight = weight;
+}
+
+// Of a line; zeroed where it is hardly ever known. most: of all lines' counts.
+static struct part_deviation line_deviation(const struct pair_sums *sums, int line, double most, const double *moved,
+                                            const struct tolerances *by)
+{
+    struct part_deviation out = {.weight = 0};
+    const struct pair_moments *m = &sums->carried[line];
+    const int part = part_of_line(line);
+    double natural[DEVIATIONS];
+    if (!(m->count > 0) || 10 * m->count < most)
+        return out;
+    struct spreads s = spreads_of(m);
+    take_off_noise(&s, &sums->noise[0][line], &sums->noise[1][line]);
+    for (int k = 0; k < DEVIATIONS; k++)
+        natural[k] = (by ? by->spread[part][k] : 1) * spread[line][k];
+    measure_line(&s, natural, &out);
+    out.weight = is_trunk(part) ? 1 : (moved ? moved[part] : sqrt(s.variance_a)) + MIN_MOVED_RAD;
+    return out;
+}
+
 struct score_terms score_posture(const struct pair_sums *sums, const double *moved, const struct tolerances *by)
 {
     struct score_terms terms = {.posture = 0};
     double most = 0, sum[2] = {0};
-    for (int p = 0; p < PART_COUNT; p++)
+    for (int p = 0; p < SCORED_LINES; p++)
         most = fmax(most, sums->carried[p].count);
-    for (int p = 0; p < PART_COUNT; p++) {
-        if (!(sums->carried[p].count > 0) || 10 * sums->carried[p].count < most)
-            continue;
-        struct spreads s = spreads_of(&sums->carried[p]);
-        take_off_noise(&s, &sums->noise[0][p], &sums->noise[1][p]);
-        double natural[DEVIATIONS];
-        for (int k = 0; k < DEVIATIONS; k++)
-            natural[k] = (by ? by->spread[p][k] : 1) * spread[p][k];
-        measure_part(&s, natural, &terms.part[p]);
-        terms.part[p].weight = is_trunk(p) ? 1 : (moved ? moved[p] : sqrt(s.variance_a)) + MIN_MOVED_RAD;
-        sum[is_trunk(p)] += terms.part[p].weight;
+    for (int p = 0; p < SCORED_LINES; p++) {
+        const struct part_deviation line = line_deviation(sums, p, most, moved, by);
+        merge_lines(&terms.part[part_of_line(p)], &line);
+        sum[is_trunk(part_of_line(p))] += line.weight;
     }
     for (int p = 0; p < PART_COUNT; p++) {
         const bool trunk = is_trunk(p);

@@ -1,7 +1,8 @@
 // How well an attempt matches a reference, as one number. 100: the same movement, by any person, anywhere.
 //
 // Of every part of the body, its direction against the part that carries it (upper arms against the chest, forearms and
-// shins against upper arms and thighs, the others in the person's upright frame), over the pairs of the alignment:
+// shins against upper arms and thighs, the others in the person's upright frame), and of the upper torso the shoulders'
+// line as well, by which the trunk turns, over the pairs of the alignment:
 //
 //     offset   how far the mean of the differences is from none: held otherwise all along
 //     course   the standard deviation of the differences, as a share of how much both move: moved otherwise
@@ -39,20 +40,23 @@ struct score_terms {
 
 double score_from_terms(const struct score_terms *terms); // 0..100; 0 where no part can be compared
 
+// Beside the parts' directions the line from the right shoulder to the left: how the trunk is turned.
+enum { LINE_SHOULDERS = PART_COUNT, SCORED_LINES };
+
 // What parts' directions have in common over pairs of frames, summed up; several alignments may be added, such as those
 // of repetitions. Zeroed: none.
 struct pair_sums {
     struct pair_moments {
-        double count, a[3], b[3], aa, bb, ab;   // of the directions and of their products
-    } carried[PART_COUNT], upright[PART_COUNT]; // against the carriers; in the upright frame
+        double count, a[3], b[3], aa, bb, ab;     // of the directions and of their products
+    } carried[SCORED_LINES], upright[PART_COUNT]; // against the carriers; in the upright frame
     struct noise_sum {
-        double sum, count;  // rad^2
-    } noise[2][PART_COUNT]; // of the directions of A's and of B's parts (score.c)
-    uint16_t ignored;       // parts of which nothing is added
+        double sum, count;    // rad^2
+    } noise[2][SCORED_LINES]; // of the directions of A's and of B's parts (score.c)
+    uint16_t ignored;         // parts of which nothing is added
 };
 void pair_sums_add(struct pair_sums *sums, const struct movement *a, const struct movement *b,
                    const struct alignment *x);
-void noise_sums_add(struct noise_sum sums[PART_COUNT], const struct movement *movement, int32_t first, int32_t end);
+void noise_sums_add(struct noise_sum sums[SCORED_LINES], const struct movement *movement, int32_t first, int32_t end);
 
 // posture and part; the rest of the terms is zeroed. moved: [PART_COUNT], how much the reference moves each part, rad;
 // NULL: as its directions vary over the pairs. by: NULL: the natural spreads.

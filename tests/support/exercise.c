@@ -15,7 +15,7 @@ static double wave(double phase)
 }
 
 struct pose_angles {
-    double arm[2], elbow[2], knee[2], thigh[2], lean; // left, right
+    double arm[2], elbow[2], knee[2], thigh[2], lean, turn; // left, right
 };
 
 static struct pose_angles angles_at(const struct exercise *e, double time_s)
@@ -29,11 +29,12 @@ static struct pose_angles angles_at(const struct exercise *e, double time_s)
                             {0.2 + 0.2 * left, 0.3 + 1.1 * late},
                             {0.1 + 1.0 * left, 0.1 + 1.0 * left},
                             {0.05 + 0.5 * left, 0.05 + 0.5 * left},
-                            0.05 + 0.3 * left};
+                            0.05 + 0.3 * left,
+                            0};
     if (e->walking) {
         const double swing = sin(2 * 3.14159265358979323846 * t);
         a = (struct pose_angles){
-            {0.15, 0.15}, {0.4, 0.4}, {0.3 + 0.3 * swing, 0.3 - 0.3 * swing}, {0.4 * swing, -0.4 * swing}, 0.05};
+            {0.15, 0.15}, {0.4, 0.4}, {0.3 + 0.3 * swing, 0.3 - 0.3 * swing}, {0.4 * swing, -0.4 * swing}, 0.05, 0};
     }
     if (time_s >= e->wrong_from_s && time_s <= e->wrong_to_s) {
         a.elbow[1] += e->right_elbow_rad;
@@ -41,6 +42,7 @@ static struct pose_angles angles_at(const struct exercise *e, double time_s)
         a.arm[0] += e->left_arm_rad;
         a.knee[1] += e->right_knee_rad;
         a.lean += e->lean_rad;
+        a.turn += e->turn_rad;
     }
     return a;
 }
@@ -48,6 +50,12 @@ static struct pose_angles angles_at(const struct exercise *e, double time_s)
 // Body axes: x left, y ahead, z up.
 static struct vec3 sideways(double side, double rad) { return v3(side * sin(rad), 0, -cos(rad)); }
 static struct vec3 ahead(double rad) { return v3(0, sin(rad), -cos(rad)); }
+
+// About the vertical, to the left.
+static struct vec3 turned(struct vec3 p, double rad)
+{
+    return v3(p.x * cos(rad) + p.y * sin(rad), p.y * cos(rad) - p.x * sin(rad), p.z);
+}
 
 static void pose(const struct pose_angles *a, struct vec3 joint[JOINT_COUNT])
 {
@@ -62,9 +70,10 @@ static void pose(const struct pose_angles *a, struct vec3 joint[JOINT_COUNT])
                                          {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}};
     for (int s = 0; s < 2; s++) {
         const double side = s ? -1 : 1;
-        joint[arm[s][0]] = v3_add(joint[JOINT_NECK], v3(side * 0.18, 0, -0.02));
-        joint[arm[s][1]] = v3_add(joint[arm[s][0]], v3_scale(sideways(side, a->arm[s]), 0.28));
-        joint[arm[s][2]] = v3_add(joint[arm[s][1]], v3_scale(sideways(side, a->arm[s] + a->elbow[s]), 0.25));
+        joint[arm[s][0]] = v3_add(joint[JOINT_NECK], turned(v3(side * 0.18, 0, -0.02), a->turn));
+        joint[arm[s][1]] = v3_add(joint[arm[s][0]], turned(v3_scale(sideways(side, a->arm[s]), 0.28), a->turn));
+        joint[arm[s][2]] =
+            v3_add(joint[arm[s][1]], turned(v3_scale(sideways(side, a->arm[s] + a->elbow[s]), 0.25), a->turn));
         joint[leg[s][0]] = v3_add(joint[JOINT_WAIST], v3(side * 0.09, 0, -0.05));
         joint[leg[s][1]] = v3_add(joint[leg[s][0]], v3_scale(ahead(a->thigh[s]), 0.42));
         joint[leg[s][2]] = v3_add(joint[leg[s][1]], v3_scale(ahead(a->thigh[s] - a->knee[s]), 0.42));

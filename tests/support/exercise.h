@@ -14,6 +14,7 @@ struct exercise {
     double noise_m;
     double right_elbow_rad; // bent more by this between wrong_from_s and wrong_to_s
     double left_elbow_rad, left_arm_rad, right_knee_rad, lean_rad; // the same: bent, raised, bent, forwards
+    double turn_rad; // the same: shoulders and arms turned to the left against the hips
     double wrong_from_s, wrong_to_s;
     double right_arm_late_s;
     double range;               // 1: all of it
