@@ -388,10 +388,10 @@ static enum status measure_shares(struct comparison *comparison)
     return status;
 }
 
-// By hand: below 4 degrees a movement is a hold, three times as much is none; holds of one posture are within 25
+// By hand: below 4 degrees a movement is a hold, twice as much is none; holds of one posture are within 25
 // degrees. The correlation as docs/notes/comparing.md says: the least at which one in a hundred pairs of different
 // motions passes. At least half of what either moves has to be aligned.
-static const double STILL_RAD = 0.07, MOVED_FACTOR = 3, SAME_POSE_RAD = 0.44, MIN_CORRELATION = 0.4, MIN_SHARE = 0.5;
+static const double STILL_RAD = 0.07, MOVED_FACTOR = 2, SAME_POSE_RAD = 0.44, MIN_CORRELATION = 0.4, MIN_SHARE = 0.5;
 
 static void set_relation(struct comparison *comparison)
 {
@@ -431,14 +431,14 @@ static void set_relation(struct comparison *comparison)
 // ---------------------------------------------------------------- judging
 
 // The whole as one performance.
-static void judge_whole(struct comparison *comparison)
+static void judge_whole(struct comparison *comparison, struct pair_sums *sums)
 {
-    struct pair_sums sums = {.ignored = comparison->by.ignored};
-    pair_sums_add(&sums, &comparison->a, &comparison->judged, &comparison->alignment);
-    noise_sums_add(sums.noise[0], &comparison->a, 0, comparison->a.count);
-    noise_sums_add(sums.noise[1], &comparison->judged, 0, comparison->judged.count);
-    comparison->terms = score_posture(&sums, NULL, &comparison->by);
-    comparison->similarity = similarity_of(&sums);
+    *sums = (struct pair_sums){.ignored = comparison->by.ignored};
+    pair_sums_add(sums, &comparison->a, &comparison->judged, &comparison->alignment);
+    noise_sums_add(sums->noise[0], &comparison->a, 0, comparison->a.count);
+    noise_sums_add(sums->noise[1], &comparison->judged, 0, comparison->judged.count);
+    comparison->terms = score_posture(sums, NULL, &comparison->by);
+    comparison->similarity = similarity_of(sums);
 }
 
 static void charge_times(struct comparison *comparison)
@@ -500,21 +500,29 @@ static enum status judge_repetitions(struct comparison *comparison, struct timel
 static enum status measure_ranges(struct comparison *comparison)
 {
     const struct pace *pace = &comparison->pace;
-    const enum status status = body_angle_ranges(&comparison->a, pace->a_first, pace->a_end, comparison->range_a);
-    return status == OK ? body_angle_ranges(&comparison->judged, pace->b_first, pace->b_end, comparison->range_b)
-                        : status;
+    bool *of_a = pace_left_out(pace, true, comparison->a.count),
+         *of_b = pace_left_out(pace, false, comparison->judged.count);
+    enum status status = of_a && of_b ? OK : fail(ERR_MEMORY, "no memory for the ranges of angles");
+    if (status == OK)
+        status = body_angle_ranges(&comparison->a, pace->a_first, pace->a_end, of_a, comparison->range_a);
+    if (status == OK)
+        status = body_angle_ranges(&comparison->judged, pace->b_first, pace->b_end, of_b, comparison->range_b);
+    free(of_a);
+    free(of_b);
+    return status;
 }
 
 static enum status judge_attempt(struct comparison *comparison)
 {
     struct timeline repeated = {0};
+    struct pair_sums sums;
     enum status status = align_all(comparison, &repeated);
     if (status == OK)
         status = measure_pace(comparison, false);
     if (status == OK)
         status = measure_shares(comparison);
     if (status == OK)
-        judge_whole(comparison);
+        judge_whole(comparison, &sums);
     if (status == OK && comparison->repetitions.count)
         status = judge_repetitions(comparison, &repeated);
     timeline_free(&repeated);
@@ -529,6 +537,9 @@ static enum status judge_attempt(struct comparison *comparison)
         return OK;
     status = findings_make(comparison);
     comparison->score = score_from_terms(&comparison->terms);
+    comparison->score_sigma =
+        score_error(&comparison->terms, comparison->repetitions.count ? &comparison->repetitions.sums : &sums,
+                    &comparison->a, &comparison->judged, &comparison->by);
     return status;
 }
 

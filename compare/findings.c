@@ -229,8 +229,10 @@ static enum status of_piece(struct comparison *comparison, const struct piece *p
 
 static enum status of_pace(struct comparison *comparison)
 {
-    const double ratio = comparison->pace.ratio;
-    if (!(ratio > 0) || fabs(ratio - 1) < 0.12 || comparison->pace.b_end - comparison->pace.b_first < 30)
+    // By hand: more than four times as fast, or as slow, is an alignment that leaps over what is missing, not a pace.
+    const double least = 0.25, most = 4, ratio = comparison->pace.ratio;
+    if (!(ratio > least && ratio < most) || fabs(ratio - 1) < 0.12 ||
+        comparison->pace.b_end - comparison->pace.b_first < 30)
         return OK;
     struct finding f = {.kind = FINDING_TIMING,
                         .part = "body",
@@ -352,6 +354,7 @@ struct judge {
     int32_t count;
     struct limb_shift *limb[LIMBS];
     struct weighed *scratch;
+    bool *left_out[2]; // frames of A and B that lie in pieces of their own
     struct series s;
 };
 
@@ -766,14 +769,15 @@ static double mean_sigma(const struct series *series, int32_t count)
 
 // What an angle goes through over first..end - 1 when its medians are looked at, degrees: what a tracker's short
 // mistakes add is not in it.
-static double held_range(const struct movement *movement, enum body_angle angle, int32_t first, int32_t end)
+static double held_range(const struct movement *movement, const bool *left_out, enum body_angle angle, int32_t first,
+                         int32_t end)
 {
     double low = INFINITY, high = -INFINITY;
     struct sliding_quantile window = {.count = 0};
     for (int32_t f = first, ahead = first; f < end; f++) {
         for (; ahead <= f + SMOOTH_HALF && ahead < end; ahead++) {
             const float rad = body_angle_of(&movement->frames[ahead], angle);
-            if (!isnan(rad))
+            if (!isnan(rad) && !left_out[ahead])
                 sliding_add(&window, ahead, rad, 1);
         }
         const double middle = sliding_quantile_of(&window, window.count, 0.5);
@@ -788,8 +792,8 @@ static bool held_less(const struct judge *judge, double by_degrees)
 {
     const struct pace *p = &judge->c->pace;
     const enum body_angle angle = judge->s.joint->angle;
-    return 2 * (held_range(&judge->c->a, angle, p->a_first, p->a_end) -
-                held_range(&judge->c->judged, angle, p->b_first, p->b_end)) >=
+    return 2 * (held_range(&judge->c->a, judge->left_out[0], angle, p->a_first, p->a_end) -
+                held_range(&judge->c->judged, judge->left_out[1], angle, p->b_first, p->b_end)) >=
            by_degrees;
 }
 
@@ -871,6 +875,8 @@ static bool open_judge(struct judge *judge, struct comparison *comparison)
     const size_t n = (size_t)comparison->judged.count;
     *judge = (struct judge){.c = comparison, .count = comparison->judged.count};
     judge->scratch = malloc(2 * n * sizeof *judge->scratch);
+    judge->left_out[0] = pace_left_out(&comparison->pace, true, comparison->a.count);
+    judge->left_out[1] = pace_left_out(&comparison->pace, false, comparison->judged.count);
     judge->s.difference = malloc(n * sizeof *judge->s.difference);
     judge->s.degrees = malloc(n * sizeof *judge->s.degrees);
     judge->s.sigma = malloc(n * sizeof *judge->s.sigma);
@@ -878,8 +884,8 @@ static bool open_judge(struct judge *judge, struct comparison *comparison)
     judge->s.angle_b = malloc(n * sizeof *judge->s.angle_b);
     judge->s.fresh = malloc(n * sizeof *judge->s.fresh);
     judge->s.weight = malloc(n * sizeof *judge->s.weight);
-    bool have = judge->scratch && judge->s.difference && judge->s.degrees && judge->s.sigma && judge->s.angle_a &&
-                judge->s.angle_b && judge->s.fresh && judge->s.weight;
+    bool have = judge->scratch && judge->left_out[0] && judge->left_out[1] && judge->s.difference && judge->s.degrees &&
+                judge->s.sigma && judge->s.angle_a && judge->s.angle_b && judge->s.fresh && judge->s.weight;
     for (int k = 0; k < LIMBS; k++) {
         judge->limb[k] = malloc(n * sizeof *judge->limb[k]);
         have = have && judge->limb[k];
@@ -890,6 +896,8 @@ static bool open_judge(struct judge *judge, struct comparison *comparison)
 static void close_judge(struct judge *judge)
 {
     free(judge->scratch);
+    free(judge->left_out[0]);
+    free(judge->left_out[1]);
     free(judge->s.difference);
     free(judge->s.degrees);
     free(judge->s.sigma);

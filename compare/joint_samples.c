@@ -220,6 +220,7 @@ static void note_unknown_tilt(struct joint_samples *samples)
 static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)
 {
     enum status status = OK;
+    out->sigma_given = true;
     for (int64_t i = 0; i < take_frame_count(take) && status == OK; i++) {
         if (!take_frame_is_sample(take, i))
             continue;

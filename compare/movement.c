@@ -198,7 +198,8 @@ static float select_rank(float *values, int32_t count, int32_t rank)
     return values[rank];
 }
 
-enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t end, struct angle_range out[BODY_ANGLES])
+enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t end, const bool *left_out,
+                              struct angle_range out[BODY_ANGLES])
 {
     const int32_t max = end - first;
     float *values = malloc((size_t)(max > 0 ? max : 1) * BODY_ANGLES * sizeof *values);
@@ -206,6 +207,8 @@ enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t e
     if (!values)
         return fail(ERR_MEMORY, "no memory for the ranges of angles");
     for (int32_t f = first; f < end; f++) {
+        if (left_out[f])
+            continue;
         const struct body_angles at = body_angles_of(&m->frames[f]);
         for (int a = 0; a < BODY_ANGLES; a++)
             if (!isnan(at.rad[a]))
@@ -549,6 +552,7 @@ enum status movement_from_samples(const struct joint_samples *samples, struct mo
     if (seconds > MOVEMENT_HOURS_MAX * 3600.0)
         return fail(ERR_INPUT, "a movement of %.1f hours cannot be compared; at most %d are", seconds / 3600,
                     MOVEMENT_HOURS_MAX);
+    out->sigma_given = samples->sigma_given;
     out->count = (int32_t)(seconds * MOVEMENT_RATE_HZ + 1e-6) + 1;
     out->frames = calloc((size_t)out->count, sizeof *out->frames);
     struct lines *lines = lines_open(samples);
@@ -588,7 +592,6 @@ enum status movement_read(const char *path, const char *take, struct movement *o
         source->clock_jumps = samples.jumps;
         source->began_ns = samples.began_ns;
         source->tilt_rad = samples.tilt_rad;
-        source->sigma_given = samples.sigma_given;
         source->notes = samples.notes;
         status = movement_from_samples(&samples, out);
     }

@@ -57,6 +57,7 @@ struct movement {
     uint16_t ever_known;                // parts known in at least a tenth of the frames
     uint16_t joints_ever, joints_often; // joints known at all, and in at least a tenth of the frames
     float sigma_typical[PART_COUNT];    // median over the frames that know the part, rad
+    bool sigma_given;                   // by the source; false: joint_samples.h's default_sigma_m()
 };
 void movement_free(struct movement *movement); // zeroed is fine; leaves it zeroed
 
@@ -73,7 +74,6 @@ struct movement_source {
     int64_t frames_dropped, frames_side_mended, clock_jumps;
     int64_t began_ns; // as joint_samples.h
     double tilt_rad;  // the camera's, found by the person's standing; 0: not tilted, or gravity is known
-    bool sigma_given;
     struct joint_notes notes;
 };
 MUST_CHECK enum status movement_read(const char *path, const char *take, struct movement *out,
@@ -135,10 +135,11 @@ float body_angle_of(const struct movement_frame *frame, enum body_angle angle);
 // they point opposite ways.
 bool trunk_direction(const struct movement_frame *frame, struct vec3 *direction, double *sigma);
 
-// The range an angle goes through in a movement's frames first..end - 1: 3rd and 97th percentile, so that a single
-// wrong frame does not make it. NaN where the angle is known in fewer than 5 frames. ERR_MEMORY.
+// The range an angle goes through in a movement's frames first..end - 1 less those left out ([count of m]): 3rd and
+// 97th percentile, so that a single wrong frame does not make it. NaN where the angle is known in fewer than 5 frames.
+// ERR_MEMORY.
 struct angle_range {
     float low, high;
 };
-MUST_CHECK enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t end,
+MUST_CHECK enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t end, const bool *left_out,
                                          struct angle_range out[BODY_ANGLES]);

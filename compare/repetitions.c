@@ -23,6 +23,18 @@ void pace_free(struct pace *pace)
     *pace = (struct pace){0};
 }
 
+bool *pace_left_out(const struct pace *pace, bool of_a, int32_t count)
+{
+    bool *out = calloc((size_t)count + 1, sizeof *out);
+    for (int32_t k = 0; k < pace->piece_count && out; k++) {
+        const struct piece *piece = &pace->pieces[k];
+        const int32_t first = of_a ? piece->a_first : piece->b_first, end = of_a ? piece->a_end : piece->b_end;
+        for (int32_t f = first > 0 ? first : 0; f < end && f < count; f++)
+            out[f] = true;
+    }
+    return out;
+}
+
 static enum status add_piece(struct pace *pace, struct piece piece)
 {
     struct piece *more = realloc(pace->pieces, (size_t)(pace->piece_count + 1) * sizeof *more);

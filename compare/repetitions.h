@@ -44,6 +44,9 @@ struct pace {
 };
 void pace_free(struct pace *pace); // zeroed is fine; leaves it zeroed
 
+// Frames of A, or of B, that lie in a piece which the other does not have: true. malloc'ed, [count]; NULL: no memory.
+bool *pace_left_out(const struct pace *pace, bool of_a, int32_t count);
+
 // Takes frames of B at its ends out of the timeline (NaN) that all show A's first or last aligned frame: getting into
 // position and out of it. repeated: the timeline is that of several repetitions: of these nothing is taken out, and
 // pieces are not looked for. ERR_MEMORY; *out is then zeroed.

@@ -174,6 +174,8 @@ char *report_json(const struct report_attempt *attempt)
         fprintf(to, "%.4f", comparison->score);
     else
         fputs("null", to);
+    fputs(",\n  \"score_sigma\": ", to);
+    write_number(to, comparison->relation == RELATION_SAME ? comparison->score_sigma : NAN, 1);
     fprintf(to, ",\n  \"relation\": \"%s\",\n  \"relation_sentence\": \"%s\",\n  \"mirrored\": %s,\n",
             relation_name(comparison->relation), comparison->relation_sentence,
             comparison->mirrored ? "true" : "false");
@@ -283,15 +285,23 @@ char *report_csv(const struct comparison *comparison)
 
 // ------------------------------------------------------------- plain text
 
+const char *score_sigma_text(const struct comparison *comparison, char out[SIGMA_TEXT_BYTES])
+{
+    *out = 0;
+    if (isfinite(comparison->score_sigma))
+        snprintf(out, SIGMA_TEXT_BYTES, " (\u00b1 %.0f)", comparison->score_sigma);
+    return out;
+}
+
 char *report_text(const struct comparison *comparison, bool all)
 {
     struct text t;
-    char good[GOOD_TEXT_BYTES];
+    char good[GOOD_TEXT_BYTES], sigma[SIGMA_TEXT_BYTES];
     FILE *to = begin_text(&t);
     if (!to)
         return NULL;
     if (comparison->relation == RELATION_SAME)
-        fprintf(to, "score %.0f of 100\n", comparison->score);
+        fprintf(to, "score %.0f of 100%s\n", comparison->score, score_sigma_text(comparison, sigma));
     else
         fprintf(to, "no score: %s\n", comparison->relation_sentence);
     char expected[EXPECTATION_TEXT_BYTES];

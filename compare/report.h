@@ -3,6 +3,10 @@
 #pragma once
 #include "compare/comparison.h"
 
+// " (± 4)", what the score may be off by for the joints' errors; "" where these are unknown.
+enum { SIGMA_TEXT_BYTES = 24 };
+const char *score_sigma_text(const struct comparison *comparison, char out[SIGMA_TEXT_BYTES]);
+
 // One row a frame of B: time_s,reference_s, and of every body angle degrees in the attempt, the reference and the
 // standard deviation of their difference. Empty where unknown.
 char *report_csv(const struct comparison *comparison);

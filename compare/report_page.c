@@ -283,12 +283,12 @@ static void write_finding_list(FILE *to, const struct comparison *comparison, in
 static void write_findings(FILE *to, const struct comparison *comparison)
 {
     const int32_t count = comparison->finding_count, shown = count < SHOWN_FINDINGS ? count : SHOWN_FINDINGS;
-    char good[GOOD_TEXT_BYTES], not_judged[NOT_JUDGED_BYTES];
+    char good[GOOD_TEXT_BYTES], not_judged[NOT_JUDGED_BYTES], sigma[SIGMA_TEXT_BYTES];
     if (comparison->relation != RELATION_SAME) {
         fprintf(to, "<h2>%s</h2><p>So there is no score.</p>", comparison->relation_sentence);
     } else {
-        fprintf(to, "<div class=\"score\">%.0f</div><div class=\"dim\">of 100</div><h2>What differs</h2>",
-                comparison->score);
+        fprintf(to, "<div class=\"score\">%.0f</div><div class=\"dim\">of 100%s</div><h2>What differs</h2>",
+                comparison->score, score_sigma_text(comparison, sigma));
         if (!count)
             fputs("<p>Nothing was found.</p>", to);
     }

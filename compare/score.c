@@ -260,6 +260,49 @@ struct score_terms score_posture(const struct pair_sums *sums, const double *mov
     return terms;
 }
 
+// Seconds for which a tracker's error stays what it is. By hand.
+static const double ERROR_S = 1;
+
+// What errors of the lines' directions (variance: rad^2 about each axis across, of both) may add to its cost.
+static double line_cost_error(const struct pair_sums *sums, int line, double variance, const double natural[DEVIATIONS])
+{
+    const double pieces = fmax(1, sums->carried[line].count / (ERROR_S * MOVEMENT_RATE_HZ));
+    struct part_deviation x = {.weight = 0};
+    struct spreads s = spreads_of(&sums->carried[line]);
+    const double before = s.course2;
+    take_off_noise(&s, &sums->noise[0][line], &sums->noise[1][line]);
+    measure_line(&s, natural, &x);
+    const double slow = fmax(0, 2 * variance - (before - s.course2)), // two axes
+        error[DEVIATIONS] = {sqrt(2 * variance / pieces) / natural[DEVIATION_OFFSET],
+                             sqrt(slow / (s.variance_a + s.variance_b + MOVED_FLOOR)) / natural[DEVIATION_COURSE],
+                             0.5 * slow / (s.variance_a + MOVED_FLOOR) / sqrt(pieces) / natural[DEVIATION_RANGE]};
+    // Errors make deviations larger: without them it would be as much less, by chance it is as much more.
+    double sum = 0;
+    for (int k = 0; k < DEVIATIONS; k++) {
+        const double z2 = x.z[k] * x.z[k], error2 = error[k] * error[k], cost = robust_cost(x.z[k]);
+        sum += fmax(cost - robust_cost(sqrt(fmax(0, z2 - error2))), robust_cost(sqrt(z2 + error2)) - cost) / DEVIATIONS;
+    }
+    return sum;
+}
+
+double score_error(const struct score_terms *terms, const struct pair_sums *sums, const struct movement *a,
+                   const struct movement *b, const struct tolerances *by)
+{
+    double sum = 0;
+    if (!a->sigma_given || !b->sigma_given)
+        return NAN;
+    for (int p = 0; p < PART_COUNT; p++) {
+        double natural[DEVIATIONS];
+        if (!(terms->part[p].weight > 0))
+            continue;
+        for (int k = 0; k < DEVIATIONS; k++)
+            natural[k] = by->spread[p][k] * spread[p][k];
+        const double sa = a->sigma_typical[p], sb = b->sigma_typical[p];
+        sum += terms->part[p].weight * line_cost_error(sums, p, sa * sa + sb * sb, natural);
+    }
+    return 100 * sum * (1 - terms->missing_share) * (1 - terms->extra_share) * (1 - terms->findings);
+}
+
 struct similarity similarity_of(const struct pair_sums *sums)
 {
     struct spreads sum = {0};

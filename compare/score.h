@@ -62,6 +62,12 @@ void noise_sums_add(struct noise_sum sums[SCORED_LINES], const struct movement *
 // NULL: as its directions vary over the pairs. by: NULL: the natural spreads.
 struct score_terms score_posture(const struct pair_sums *sums, const double *moved, const struct tolerances *by);
 
+// What the score may be off by for the joints' errors, points, one standard deviation. NaN where either movement's
+// source does not give them. What they add from frame to frame is taken off before; what is left is taken to be wrong
+// in pieces of a second, and of all parts the same way, because a joint belongs to two. terms: of these sums.
+double score_error(const struct score_terms *terms, const struct pair_sums *sums, const struct movement *a,
+                   const struct movement *b, const struct tolerances *by);
+
 double robust_cost(double z); // of a deviation of z natural spreads, 0..1
 
 // What healthy people who do the same exercise right hold a part otherwise by, all along; root mean square, rad.

@@ -150,8 +150,10 @@ static void collect(struct live_sensor *sensor, const struct frame *frame, const
     pthread_mutex_lock(&sensor->player.worker.lock);
     struct joint_samples *to = &sensor->samples;
     const bool room = !to->count || look->sample.time_ns - to->at[0].time_ns < ATTEMPT_MAX_S * INT64_C(1000000000);
-    if (look->person && room && sensor->samples_attempt == sensor->attempt && !sensor->samples_cut)
+    if (look->person && room && sensor->samples_attempt == sensor->attempt && !sensor->samples_cut) {
+        to->sigma_given = true; // the tracker's covariances
         sensor->samples_cut = joint_samples_add(to, &look->sample) != OK;
+    }
     pthread_mutex_unlock(&sensor->player.worker.lock);
     if (!sensor->keeping)
         return;

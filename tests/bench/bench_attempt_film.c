@@ -61,7 +61,7 @@ static enum status take_make(const struct attempt_plan *plan, int actor, struct 
 // As a take of a recording is read: compare/joint_samples.h.
 static enum status movement_of(struct take *t, struct movement *out)
 {
-    struct joint_samples samples = {0};
+    struct joint_samples samples = {.sigma_given = true};
     enum status status = OK;
     for (int k = 0; k < t->film.count && status == OK; k++) {
         struct joint_sample s = {.time_ns = t->film.time_ns[k], .skeleton = t->film.smoothed[k]};
@@ -208,7 +208,8 @@ static void judge_findings(const struct comparison *c, enum world_edit_kind kind
     if (edit_is_timing(kind) || kind == EDIT_MISSING || kind == EDIT_EXTRA)
         out->kind_found = of_kind;
     out->mirrored_right = c->mirrored == (kind == EDIT_MIRRORED);
-    out->score = c->score;
+    out->score = c->relation == RELATION_SAME ? c->score : NAN;
+    out->score_sigma = c->score_sigma;
     if (first)
         snprintf(out->first, sizeof out->first, "%s: %s", first->part, first->sentence);
 }
@@ -237,7 +238,7 @@ enum status attempt_film(const struct attempt_plan *plan, const char *dump, stru
     struct movement movement[ACTORS] = {{0}, {0}};
     struct comparison c = {0};
     enum status status = OK;
-    *out = (struct attempt_score){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, "no finding"};
+    *out = (struct attempt_score){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, "no finding"};
     for (int k = 0; k < ACTORS && status == OK; k++) {
         status = take_make(plan, k, &take[k]);
         if (status == OK)

@@ -14,7 +14,7 @@
 
 static const char *const columns[] = {
     "films",     "time_s",        "time_p95_s",   "angle_deg",        "angle_p95_deg", "caught_%", "false_%",
-    "unknown_%", "first_right_%", "no_posture_%", "mirrored_right_%", "kind_found_%",  "score",
+    "unknown_%", "first_right_%", "no_posture_%", "mirrored_right_%", "kind_found_%",  "score",    "score_sigma",
 };
 
 struct trial {
@@ -103,6 +103,7 @@ static enum status add_row(struct trial *t, const char *name, bool (*has)(enum w
             100 * s->mirrored_right,
             100 * s->kind_found,
             s->score,
+            s->score_sigma,
         };
         films++;
         for (size_t k = 1; k < COUNT_OF(columns); k++)
@@ -126,9 +127,9 @@ static void print_film(const struct trial *t, const struct attempt *a, const cha
     const struct attempt_score *s = &a->score;
     const char *mark =
         s->first_right < 1 || s->no_posture < 1 || s->mirrored_right < 1 ? "WRONG" : "right"; // NaN: right
-    printf("%4d %-12.12s %-11s %4.2f  %4.1f to %4.1f s  %-5s by %-5s score %3.0f  %s  %s\n", p->index,
+    printf("%4d %-12.12s %-11s %4.2f  %4.1f to %4.1f s  %-5s by %-5s score %3.0f ± %.0f  %s  %s\n", p->index,
            slash ? slash + 1 : p->motion, world_edit_name(p->edit.kind), p->edit.amount, p->edit.from_s, p->edit.to_s,
-           p->actor[0].figure, p->actor[1].figure, s->score, mark, s->first);
+           p->actor[0].figure, p->actor[1].figure, s->score, s->score_sigma, mark, s->first);
     if (strcmp(mark, "WRONG"))
         return;
     printf("     reenact-bench attempts --seed %llu --only %d", (unsigned long long)t->dice->seed, p->index);

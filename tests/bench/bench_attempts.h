@@ -45,7 +45,8 @@ struct attempt_score {
     double no_posture;                // 0 or 1, of timing edits: no posture finding above 10 degrees
     double mirrored_right;            // 0 or 1: named as mirrored where it is, not where it is not
     double kind_found;                // 0 or 1, of missing and extra pieces and pauses: a finding of that kind
-    double score;                     // 0..100
+    double score;                     // 0..100; NaN: none
+    double score_sigma;               // what it is said to be off by
     char first[200];                  // the first finding's part and sentence
 };
 

@@ -120,8 +120,8 @@ static void test_score_and_findings_never_contradict(void **state)
         struct exercise a = exercise_default(), b;
         a.seconds = 3;
         b = a;
-        double *const wrong[] = {&b.right_elbow_rad, &b.left_elbow_rad, &b.left_arm_rad, &b.right_knee_rad,
-                                 &b.lean_rad};
+        double *const wrong[] = {&b.right_elbow_rad, &b.left_elbow_rad, &b.left_arm_rad,
+                                 &b.right_knee_rad,  &b.lean_rad,       &b.turn_rad};
         for (size_t k = 0; k < COUNT_OF(wrong); k++)
             *wrong[k] = rng_uniform(&rng) < 0.4 ? rng_between(&rng, 0, 0.7) : 0;
         b.wrong_from_s = rng_between(&rng, 0, 1.5);
@@ -156,6 +156,68 @@ static void test_score_and_findings_never_contradict(void **state)
     EXPECT_AT_LEAST(found, PAIRS);
 }
 
+// The same movement, each joint wrong in pieces of about a second, as a tracker is: 100 lies within what the score is
+// said to be off by, and that is no excuse for everything. Returns the score.
+static double score_of_tracked_twice(double error_m, double *sigma)
+{
+    struct exercise e = exercise_default();
+    struct movement movement[2];
+    struct comparison c;
+    e.seconds = 9;
+    for (int k = 0; k < 2; k++) {
+        struct joint_samples samples;
+        struct vec3 error[JOINT_COUNT], next[JOINT_COUNT];
+        exercise_samples(&e, &rng, &samples);
+        samples.sigma_given = true;
+        for (int64_t i = 0; i < samples.count; i++)
+            for (int j = 0; j < JOINT_COUNT; j++) {
+                struct joint_sample *sample = &samples.at[i];
+                if (i % 30 == 0) {
+                    error[j] = i ? next[j] : rng_normal3(&rng, error_m);
+                    next[j] = rng_normal3(&rng, error_m);
+                }
+                sample->skeleton.joint[j] =
+                    v3_add(sample->skeleton.joint[j], v3_mix(error[j], next[j], (double)(i % 30) / 30));
+                sample->sigma_m[j] = (float)(error_m / 0.15); // what ordinary errors are of a covariance: movement.c
+            }
+        EXPECT_STATUS(movement_from_samples(&samples, &movement[k]), OK);
+        joint_samples_free(&samples);
+    }
+    EXPECT_STATUS(comparison_make(&movement[0], &movement[1], NULL, &c), OK);
+    EXPECT_INT(c.relation, RELATION_SAME);
+    const double score = c.score;
+    *sigma = c.score_sigma;
+    comparison_free(&c);
+    return score;
+}
+
+static void test_the_score_says_what_it_may_be_off_by(void **state)
+{
+    (void)state;
+    enum { DRAWS = 20, SEED = 8 };
+    rng = (struct rng){SEED};
+    for (int size = 0; size < 3; size++) {
+        const double error_m = 0.01 * (size + 1);
+        double sum = 0, sigmas = 0;
+        int within = 0;
+        for (int k = 0; k < DRAWS; k++) {
+            double sigma, score = score_of_tracked_twice(error_m, &sigma);
+            within += 100 - score <= 2 * sigma;
+            sum += score / DRAWS;
+            sigmas += sigma / DRAWS;
+        }
+        print_message(
+            "seed %d: joints off by %.0f mm: score %.1f, said to be off by %.1f; %d of %d within twice that\n", SEED,
+            1e3 * error_m, sum, sigmas, within, DRAWS);
+        EXPECT_AT_LEAST(within, 0.9 * DRAWS);
+        EXPECT_AT_MOST(sigmas, 2 * (100 - sum) + 1);
+    }
+    struct exercise a = exercise_default();
+    struct comparison c = compare(&a, &a); // whose joints' errors nobody knows
+    EXPECT_TRUE(isnan(c.score_sigma));
+    comparison_free(&c);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -164,6 +226,7 @@ int main(void)
         cmocka_unit_test(test_only_a_part_was_done),
         cmocka_unit_test(test_repetitions_of_either),
         cmocka_unit_test(test_score_and_findings_never_contradict),
+        cmocka_unit_test(test_the_score_says_what_it_may_be_off_by),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
