@@ -133,18 +133,34 @@ int judged_part(const struct comparison *comparison, int part)
     return part >= 0 && comparison->mirrored ? (int)mirrored_part((enum part)part) : part;
 }
 
+static const char turn_noun[] = "Trunk turns";
+
+// How far a frame of the attempt differs in what the finding is about, rad; 0: not surely.
+static double finding_difference(const struct comparison *comparison, const struct finding *finding, int32_t frame)
+{
+    const int judged = judged_part(comparison, part_by_name(finding->part));
+    struct part_difference parts[PART_COUNT];
+    if (finding->noun && !strcmp(finding->noun, turn_noun)) { // the part's direction says nothing of it
+        if (isnan(comparison->timeline.reference[frame]))
+            return 0;
+        const struct movement_frame at = movement_at(&comparison->a, comparison->timeline.reference[frame]);
+        return fabs((double)body_angle_of(&comparison->judged.frames[frame], ANGLE_TWIST) -
+                    body_angle_of(&at, ANGLE_TWIST)); // NaN is never the most
+    }
+    comparison_differences(comparison, &comparison->judged, frame, parts);
+    return parts[judged].verdict == VERDICT_DIFFERENT ? parts[judged].angle_rad : 0;
+}
+
 double finding_worst_s(const struct comparison *comparison, const struct finding *finding)
 {
     const int32_t first = (int32_t)(finding->from_s * MOVEMENT_RATE_HZ + 0.5),
                   end = (int32_t)(finding->to_s * MOVEMENT_RATE_HZ);
-    const int judged = judged_part(comparison, part_by_name(finding->part));
-    double worst_s = 0.5 * (finding->from_s + finding->to_s);
-    float max = 0;
-    for (int32_t k = first; k < end && k < comparison->judged.count && judged >= 0; k++) {
-        struct part_difference parts[PART_COUNT];
-        comparison_differences(comparison, &comparison->judged, k, parts);
-        if (parts[judged].verdict == VERDICT_DIFFERENT && parts[judged].angle_rad > max) {
-            max = parts[judged].angle_rad;
+    const bool of_part = part_by_name(finding->part) >= 0;
+    double worst_s = 0.5 * (finding->from_s + finding->to_s), max = 0;
+    for (int32_t k = first; k < end && k < comparison->judged.count && of_part; k++) {
+        const double difference = finding_difference(comparison, finding, k);
+        if (difference > max) {
+            max = difference;
             worst_s = k / MOVEMENT_RATE_HZ;
         }
     }
@@ -631,7 +647,7 @@ static bool is_turn(const struct body_joint *joint) { return joint->angle == ANG
 static const char *noun_of(const struct body_joint *joint, bool angle)
 {
     if (joint->part == PART_UPPER_TORSO)
-        return is_turn(joint) ? "Trunk turns" : "Trunk leans";
+        return is_turn(joint) ? turn_noun : "Trunk leans";
     if (joint->part == PART_HEAD)
         return "Head";
     static const char *const names[2][2][2] = {{{"upper arm", "upper arm"}, {"forearm", "elbow"}},
@@ -905,9 +921,8 @@ static void close_judge(struct judge *judge)
     free(judge->s.angle_b);
     free(judge->s.fresh);
     free(judge->s.weight);
-    for (int k = 0; k < LIMBS; k++) {
+    for (int k = 0; k < LIMBS; k++)
         free(judge->limb[k]);
-    }
 }
 
 // posture, range and a limb's timing
