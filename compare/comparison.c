@@ -388,10 +388,10 @@ static enum status measure_shares(struct comparison *comparison)
     return status;
 }
 
-// By hand: below 4 degrees a movement is a hold, twice as much is none; holds of one posture are within 25
+// By hand: below 4 degrees a movement is a hold, above 6 it is none; holds of one posture are within 25
 // degrees. The correlation as docs/notes/comparing.md says: the least at which one in a hundred pairs of different
 // motions passes. At least half of what either moves has to be aligned.
-static const double STILL_RAD = 0.07, MOVED_FACTOR = 2, SAME_POSE_RAD = 0.44, MIN_CORRELATION = 0.4, MIN_SHARE = 0.5;
+static const double STILL_RAD = 0.07, MOVED_FACTOR = 1.5, SAME_POSE_RAD = 0.44, MIN_CORRELATION = 0.4, MIN_SHARE = 0.5;
 
 static void set_relation(struct comparison *comparison)
 {

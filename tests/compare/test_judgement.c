@@ -50,6 +50,21 @@ static void test_another_movement_has_no_score(void **state)
     }
 }
 
+// Steps move the body by little in the mean of its parts, and yet standing is no bad copy of them.
+static void test_standing_is_no_walk(void **state)
+{
+    (void)state;
+    struct exercise walk = exercise_default(), stand = walk;
+    walk.walking = stand.still = true;
+    struct comparison c = compare(&walk, &stand);
+    print_message("moves by %.3f and %.3f rad\n", c.similarity.moved_a_rad, c.similarity.moved_b_rad);
+    EXPECT_INT(c.relation, RELATION_STILL);
+    comparison_free(&c);
+    c = compare(&stand, &walk);
+    EXPECT_INT(c.relation, RELATION_MOVED);
+    comparison_free(&c);
+}
+
 // The same hold twice, as a sensor sees it.
 static void test_holds_with_noise_are_the_same(void **state)
 {
@@ -222,6 +237,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_another_movement_has_no_score),
+        cmocka_unit_test(test_standing_is_no_walk),
         cmocka_unit_test(test_holds_with_noise_are_the_same),
         cmocka_unit_test(test_only_a_part_was_done),
         cmocka_unit_test(test_repetitions_of_either),
