@@ -175,7 +175,8 @@ int occluder_mesh_cull(const struct occluder_mesh *mesh, const struct affine_map
                        const struct occlusion_frustum *hidden, uint16_t *corners)
 {
     int count = 0;
-    for (const struct occluder_sphere *sphere = mesh->spheres; sphere < mesh->spheres + mesh->sphere_count; sphere++) {
+    for (int i = 0; i < mesh->sphere_count; i++) { // none where there is no room
+        const struct occluder_sphere *sphere = &mesh->spheres[i];
         if (!may_occlude(sphere, viewer_from_room, hidden))
             continue;
         memcpy(corners + count, mesh->corners + sphere->first, sizeof *corners * (size_t)sphere->count);
