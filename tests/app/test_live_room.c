@@ -41,7 +41,7 @@ static void test_both_stand_in_the_room(void **state)
     live_glass_draw_until(&g, live_glass_sees_person);
     g.state->live.hands_free = false;
     for (int i = 0; i < 2; i++)
-        view_state_do(g.state, DO_SCREEN, clock_now_ns());
+        view_state_do(g.state, DO_SCREEN, glass_now_ns(&g));
     EXPECT_INT(g.state->live.screen, LIVE_ROOM);
     live_glass_draw_until(&g, is_in_the_room);
     glass_draw(&g);
@@ -72,8 +72,8 @@ static void test_the_room_shows_the_instant_that_is_done(void **state)
     g.state->live.screen = LIVE_ROOM;
     g.state->live.hands_free = false;
     live_glass_draw_until(&g, is_in_the_room);
-    view_state_do(g.state, DO_PACE, clock_now_ns()); // keep up: it moves, whatever the person does
-    view_state_do(g.state, DO_PLAY_PAUSE, clock_now_ns());
+    view_state_do(g.state, DO_PACE, glass_now_ns(&g)); // keep up: it moves, whatever the person does
+    view_state_do(g.state, DO_PLAY_PAUSE, glass_now_ns(&g));
     live_glass_draw_until(&g, live_glass_is_doing);
     int drawn = 0;
     double gap_m = 0;

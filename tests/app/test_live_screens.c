@@ -32,7 +32,7 @@ static void check_attempt_is_kept(struct glass *g)
     struct take *take = NULL;
     struct recording_report report;
     scratch_text(&rehearsal.scratch, "exercise-attempt-1.reenact", "mine");
-    view_state_do(g->state, DO_KEEP, clock_now_ns());
+    view_state_do(g->state, DO_KEEP, glass_now_ns(g));
     live_glass_draw_until(g, is_kept);
     EXPECT_TRUE(strstr(g->state->notice, "exercise-attempt-2.reenact"));
     const char *path = scratch_file(&rehearsal.scratch, "exercise-attempt-2.reenact");
@@ -100,7 +100,7 @@ static void test_the_actor_mirrored_is_the_reference(void **state)
     struct glass g;
     live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
     live_glass_draw_until(&g, live_glass_sees_person);
-    view_state_do(g.state, DO_MIRROR, clock_now_ns());
+    view_state_do(g.state, DO_MIRROR, glass_now_ns(&g));
     EXPECT_TRUE(g.state->live.mirrored);
     const struct live_tally t = live_glass_do_attempt(&g);
     EXPECT_TRUE(g.image->flip_x || !g.image->actor);
@@ -139,7 +139,7 @@ static void test_what_does_not_matter_is_not_judged(void **state)
         1 << PART_LEFT_UPPER_ARM | 1 << PART_LEFT_FOREARM | 1 << PART_RIGHT_UPPER_ARM | 1 << PART_RIGHT_FOREARM;
     live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
     live_glass_draw_until(&g, live_glass_sees_person);
-    view_state_do(g.state, (enum view_action)(DO_COUNT + GROUP_ARMS), clock_now_ns());
+    view_state_do(g.state, (enum view_action)(DO_COUNT + GROUP_ARMS), glass_now_ns(&g));
     const struct live_tally t = live_glass_do_attempt(&g);
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     EXPECT_INT(t.different[PART_RIGHT_FOREARM], 0);
@@ -232,7 +232,7 @@ static void save_screens(const struct live_glass *shown, const char *folder, boo
     for (size_t i = 0; i < COUNT_OF(shots); i++) {
         s->live.screen = shots[i].screen;
         s->live.over = shots[i].over;
-        view_state_do(s, DO_PLAY_PAUSE, clock_now_ns());
+        view_state_do(s, DO_PLAY_PAUSE, glass_now_ns(&g));
         if (i == 0) {
             glass_draw(&g);
             save(&g, folder, "count-in");
@@ -240,7 +240,7 @@ static void save_screens(const struct live_glass *shown, const char *folder, boo
         live_glass_draw_until(&g, arms_are_wrong);
         save(&g, folder, shots[i].name);
         if (i + 1 < COUNT_OF(shots))
-            view_state_do(s, DO_BACK, clock_now_ns());
+            view_state_do(s, DO_BACK, glass_now_ns(&g));
     }
     live_glass_draw_until(&g, live_glass_is_judged);
     live_state_review(&s->live, 1700000000);

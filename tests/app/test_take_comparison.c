@@ -237,19 +237,19 @@ static void test_it_is_left_while_it_compares(void **state)
     (void)state;
     struct glass g;
     open_list(&g, 640, 400);
-    view_state_do(g.state, DO_COMPARE, clock_now_ns());
+    view_state_do(g.state, DO_COMPARE, glass_now_ns(&g));
     view_state_choose_take(g.state, 1);
     view_state_choose_take(g.state, 2);
     glass_draw(&g);
     glass_press(&g, WINDOW_KEY_ESCAPE);
     EXPECT_INT(g.state->page, PAGE_TAKES);
-    view_state_do(g.state, DO_COMPARE, clock_now_ns());
+    view_state_do(g.state, DO_COMPARE, glass_now_ns(&g));
     view_state_choose_take(g.state, 0);
     view_state_choose_take(g.state, 1);
     expect_result(&g);
     glass_press(&g, WINDOW_KEY_ESCAPE);
     // Nobody is in the third: the summary says so.
-    view_state_do(g.state, DO_COMPARE, clock_now_ns());
+    view_state_do(g.state, DO_COMPARE, glass_now_ns(&g));
     view_state_choose_take(g.state, 0);
     view_state_choose_take(g.state, 2);
     draw_until_compared(&g);

@@ -31,10 +31,12 @@ double glass_scale(const struct glass *g)
     return viewer_px_per_dp(DPI) * (g->width > g->height ? g->width : g->height) / GLASS_LONG;
 }
 
+int64_t glass_now_ns(const struct glass *g) { return clock_now_ns() - g->behind_ns; }
+
 void glass_draw(struct glass *g)
 {
     const struct viewer_surface glass = {g->target, g->width, g->height, 0, glass_scale(g)};
-    int64_t now = clock_now_ns();
+    const int64_t now = glass_now_ns(g);
     viewer_update(g->viewer, now);
     EXPECT_STATUS(viewer_draw(g->viewer, &glass, now), OK);
     viewer_presented(g->viewer, clock_now_ns());
@@ -46,7 +48,7 @@ bool glass_event(struct glass *g, const struct window_event *event)
     struct window_event e = *event;
     e.x *= scale;
     e.y *= scale;
-    return viewer_event(g->viewer, &e, scale, clock_now_ns());
+    return viewer_event(g->viewer, &e, scale, glass_now_ns(g));
 }
 
 void glass_press(struct glass *g, int key)
@@ -121,8 +123,8 @@ void glass_wait_located(struct glass *g, bool placed)
 void glass_seek(struct glass *g, double share)
 {
     struct view_state *s = g->state;
-    playback_play(&s->playback, clock_now_ns(), false);
-    playback_seek(&s->playback, clock_now_ns(), (int64_t)(share * (double)s->playback.length_ns));
+    playback_play(&s->playback, glass_now_ns(g), false);
+    playback_seek(&s->playback, glass_now_ns(g), (int64_t)(share * (double)s->playback.length_ns));
 }
 
 int glass_count_color(const struct glass *g, uint32_t color, int slack)

@@ -13,6 +13,8 @@ struct glass {
     struct viewer *viewer;
     struct view_state *state;            // the viewer's
     const struct take_view_image *image; // likewise: the actor's picture that was drawn last
+    int64_t behind_ns;                   // its clock is so much behind clock_now_ns: see live_glass.h
+    int64_t film_frame, film_ns;         // of the film of a person, the newest frame and its instant, by that clock
 };
 
 void glass_open(struct glass *g, int width, int height, const struct viewer_options *options);
@@ -20,6 +22,9 @@ void glass_close(struct glass *g);
 
 // Pixels per dp of a 10-inch tablet, whatever its number of pixels.
 double glass_scale(const struct glass *g);
+
+// The clock by which it is drawn and touched.
+int64_t glass_now_ns(const struct glass *g);
 
 void glass_draw(struct glass *g);
 

@@ -7,6 +7,8 @@
 
 #include <string.h>
 
+static const int64_t FRAME_NS = 1000000000 / 30; // of the films of live_rehearsal.h
+
 void live_glass_open(struct glass *g, int width, int height, const struct live_glass *how)
 {
     const struct viewer_options options = {.file = how->file,
@@ -19,15 +21,30 @@ void live_glass_open(struct glass *g, int width, int height, const struct live_g
     glass_open(g, width, height, &options);
 }
 
+bool live_glass_is_doing(const struct glass *g) { return g->state->live.phase == LIVE_DOING; }
+
+// A film that is tracked slower than it was filmed takes the screen's clock along: else the actor, who moves by that
+// clock, would come to the end without the person, and the attempt would end.
+static void wait_for_film(struct glass *g)
+{
+    const struct live_sight *sight = &g->state->live.sight;
+    const bool runs = live_glass_is_doing(g) && !sight->ended;
+    g->film_ns = runs ? g->film_ns + FRAME_NS * (sight->frame - g->film_frame) : glass_now_ns(g);
+    g->film_frame = sight->frame;
+    const int64_t ahead_ns = glass_now_ns(g) - g->film_ns - FRAME_NS;
+    if (ahead_ns > 0)
+        g->behind_ns += ahead_ns;
+}
+
 // As the app's own loop: drawn when there is something new.
 void live_glass_draw_what_is_new(struct glass *g)
 {
-    const int64_t now_ns = clock_now_ns();
-    viewer_update(g->viewer, now_ns);
+    wait_for_film(g);
+    viewer_update(g->viewer, glass_now_ns(g));
     if (g->state->changed)
         glass_draw(g);
     else
-        clock_sleep_until_ns(now_ns + 4000000);
+        clock_sleep_until_ns(clock_now_ns() + 4000000);
 }
 
 void live_glass_draw_until(struct glass *g, bool (*done)(const struct glass *g))
@@ -45,7 +62,6 @@ void live_glass_draw_until(struct glass *g, bool (*done)(const struct glass *g))
 }
 
 bool live_glass_sees_person(const struct glass *g) { return g->state->live.person_ns != 0; }
-bool live_glass_is_doing(const struct glass *g) { return g->state->live.phase == LIVE_DOING; }
 bool live_glass_is_judged(const struct glass *g)
 {
     const struct live_state *l = &g->state->live;
@@ -67,7 +83,7 @@ struct live_tally live_glass_do_attempt(struct glass *g)
 {
     struct live_tally t = {0};
     int64_t seen = 0;
-    view_state_do(g->state, DO_PLAY_PAUSE, clock_now_ns());
+    view_state_do(g->state, DO_PLAY_PAUSE, glass_now_ns(g));
     live_glass_draw_until(g, live_glass_is_doing);
     for (int64_t until_ns = clock_now_ns() + 120000000000; !live_glass_is_judged(g) && clock_now_ns() < until_ns;) {
         live_glass_draw_what_is_new(g);

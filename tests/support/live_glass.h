@@ -1,5 +1,5 @@
-// The live screens without a window: drawn as the app's own loop draws, and an attempt played to its end. Errors fail
-// the test.
+// The live screens without a window: drawn as the app's own loop draws, by a clock that does not run ahead of the film
+// that stands in for the person, and an attempt played to its end. Errors fail the test.
 #pragma once
 #include "tests/support/glass.h"
 
