@@ -237,6 +237,19 @@ void movement_free(struct movement *movement)
     *movement = (struct movement){0};
 }
 
+enum status movement_copy(const struct movement *movement, int32_t first, int32_t end, struct movement *out)
+{
+    *out = *movement;
+    out->count = end - first;
+    out->frames = malloc((size_t)out->count * sizeof *out->frames);
+    if (!out->frames) {
+        *out = (struct movement){0};
+        return fail(ERR_MEMORY, "no memory for a movement");
+    }
+    memcpy(out->frames, movement->frames + first, (size_t)out->count * sizeof *out->frames);
+    return OK;
+}
+
 enum part mirrored_part(enum part p)
 {
     static const enum part other[PART_COUNT] = {

@@ -60,6 +60,8 @@ struct movement {
     bool sigma_given;                   // by the source; false: joint_samples.h's default_sigma_m()
 };
 void movement_free(struct movement *movement); // zeroed is fine; leaves it zeroed
+// Frames first..end - 1 of it, with what is known of the whole. ERR_MEMORY: *out is zeroed.
+MUST_CHECK enum status movement_copy(const struct movement *movement, int32_t first, int32_t end, struct movement *out);
 
 // Longer ones are refused: they would take more memory than a tablet has.
 #define MOVEMENT_HOURS_MAX 12

@@ -3,22 +3,7 @@
 #include "base/text.h"
 #include "compare/comparison.h"
 
-#include <stdlib.h>
-#include <string.h>
-
 static const double PRIOR_WEIGHT = 2; // observations; chosen by hand
-
-static enum status copy_movement(const struct movement *movement, struct movement *out)
-{
-    *out = *movement;
-    out->frames = malloc((size_t)movement->count * sizeof *out->frames);
-    if (!out->frames) {
-        *out = (struct movement){0};
-        return fail(ERR_MEMORY, "no memory to compare references");
-    }
-    memcpy(out->frames, movement->frames, (size_t)movement->count * sizeof *out->frames);
-    return OK;
-}
 
 enum status reference_spread_add(struct reference_spread *spread, const struct movement *first,
                                  struct movement *further, const struct expectation *expected, const char *name)
@@ -32,7 +17,7 @@ enum status reference_spread_add(struct reference_spread *spread, const struct m
         asked.from_s = expected->from_s;
         asked.to_s = expected->to_s;
     }
-    enum status status = copy_movement(first, &copy);
+    enum status status = movement_copy(first, 0, first->count, &copy);
     if (status == OK)
         status = comparison_make(&copy, further, &asked, &c);
     movement_free(further);

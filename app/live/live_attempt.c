@@ -60,19 +60,6 @@ double live_attempt_reference(const struct live_attempt *attempt, int64_t time_n
     return attempt->compared && frame >= 0 && frame < t->count ? (double)attempt->first + t->reference[frame] : NAN;
 }
 
-static enum status copy_part(const struct movement *movement, int32_t first, int32_t end, struct movement *out)
-{
-    *out = *movement;
-    out->count = end - first;
-    out->frames = malloc((size_t)out->count * sizeof *out->frames);
-    if (!out->frames) {
-        *out = (struct movement){0};
-        return fail(ERR_MEMORY, "no memory to judge the attempt");
-    }
-    memcpy(out->frames, movement->frames + first, (size_t)out->count * sizeof *out->frames);
-    return OK;
-}
-
 static void fill_strip(struct live_attempt *attempt)
 {
     const struct comparison *c = &attempt->comparison;
@@ -176,7 +163,7 @@ enum status attempt_judge_start(struct attempt_judge **out, const struct attempt
         .number = task->number, .mirrored = task->mirrored, .samples = *samples, .first = task->first};
     *samples = (struct joint_samples){0};
     expect_of_part(j, task);
-    enum status status = copy_part(task->reference, task->first, task->end, &j->part);
+    enum status status = movement_copy(task->reference, task->first, task->end, &j->part);
     return start_thread(out, j, status);
 }
 
