@@ -45,7 +45,7 @@ struct movement_frame movement_at(const struct movement *movement, double frame)
 void part_differences(const struct movement *a, const struct movement *b, const struct timeline *timeline,
                       int32_t frame, struct part_difference out[PART_COUNT]);
 
-// Gives the verdicts anew by what is expected: parts that do not matter are unknown.
+// Sets the verdicts by these tolerances: parts that do not matter are unknown.
 void part_differences_judge(struct part_difference parts[PART_COUNT], const struct tolerances *by);
 
 // ---------------------------------------------------------------- limb times

@@ -20,8 +20,8 @@ static enum status read_kept(const struct take *take, const struct movement *ref
     const enum status status = recorded_expectation_read(take, &out->kept);
     if (status == ERR_CORRUPT)
         joint_note(&out->notes,
-                   "what is expected of the take is damaged and left out; reenact-capture take expect says "
-                   "it anew");
+                   "what is expected of the take is damaged and left out; reenact-capture take expect sets "
+                   "it again");
     if (!expectation_from_take(&out->kept, out->first_ns, out->seconds, &out->expected))
         joint_note(&out->notes, "nothing is left of the stretch that counts, so all of the take does");
     return is_fatal(status) ? status : OK;

@@ -204,36 +204,32 @@ static void test_exchanged_sides(void **state)
     }
 }
 
+// The same body on other legs: knees so far ahead of the hips and below them, feet likewise, metres.
+static struct skeleton on_legs(double time_s, const double knee[2], const double foot[2])
+{
+    static const enum joint leg[2][3] = {{JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
+                                         {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}};
+    struct skeleton s = exercising(time_s);
+    const struct vec3 left = v3_unit(v3_sub(s.joint[JOINT_LEFT_HIP], s.joint[JOINT_RIGHT_HIP])),
+                      ahead = v3_cross(left, v3(0, -1, 0));
+    for (int side = 0; side < 2; side++) {
+        const struct vec3 hip = s.joint[leg[side][0]];
+        s.joint[leg[side][1]] = v3_add(hip, v3_add(v3_scale(ahead, knee[0]), v3(0, knee[1], 0)));
+        s.joint[leg[side][2]] = v3_add(hip, v3_add(v3_scale(ahead, foot[0]), v3(0, foot[1], 0)));
+    }
+    return s;
+}
+
 // A person who never stands straight is balanced above the feet; all along in a squat here.
 static struct skeleton squatting(double time_s)
 {
-    struct skeleton s = exercising(time_s);
-    static const enum joint leg[2][3] = {{JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-                                         {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}};
-    struct vec3 left = v3_unit(v3_sub(s.joint[JOINT_LEFT_HIP], s.joint[JOINT_RIGHT_HIP]));
-    const struct vec3 ahead = v3_cross(left, v3(0, -1, 0));
-    for (int side = 0; side < 2; side++) {
-        const struct vec3 hip = s.joint[leg[side][0]];
-        s.joint[leg[side][1]] = v3_add(hip, v3_add(v3_scale(ahead, 0.24), v3(0, 0.34, 0)));
-        s.joint[leg[side][2]] = v3_add(hip, v3_add(v3_scale(ahead, 0.05), v3(0, 0.7, 0)));
-    }
-    return s;
+    return on_legs(time_s, (const double[]){0.24, 0.34}, (const double[]){0.05, 0.7});
 }
 
 // A person who stands, as sensors see one: straight knees are bent backwards, by 33 degrees here.
 static struct skeleton standing_stiffly(double time_s)
 {
-    struct skeleton s = exercising(time_s);
-    static const enum joint leg[2][3] = {{JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-                                         {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}};
-    struct vec3 left = v3_unit(v3_sub(s.joint[JOINT_LEFT_HIP], s.joint[JOINT_RIGHT_HIP]));
-    const struct vec3 ahead = v3_cross(left, v3(0, -1, 0));
-    for (int side = 0; side < 2; side++) {
-        const struct vec3 hip = s.joint[leg[side][0]];
-        s.joint[leg[side][1]] = v3_add(hip, v3_add(v3_scale(ahead, -0.12), v3(0, 0.4, 0)));
-        s.joint[leg[side][2]] = v3_add(hip, v3(0, 0.8, 0));
-    }
-    return s;
+    return on_legs(time_s, (const double[]){-0.12, 0.4}, (const double[]){0, 0.8});
 }
 
 static void test_stiff_knees_mirror_nothing(void **state)
