@@ -346,9 +346,6 @@ static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 // By hand. A posture is found where it is off by 10 degrees and 1.2 standard deviations for 0.3 s in all, as long as it
 // stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
 static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPPER_SHARE = 0.67;
-// What a joint is off by all along costs by its part's offset (score.h) and not once more: as little as it is off for a
-// fifth of the time.
-static const double OFFSET_QUANTILE = 0.2;
 enum { FRAMES_AT_ONCE = 4096, THREADS = 4 }; // a thread's share of a long attempt; a short one has none of its own
 enum { MIN_FRAMES = 9, MAX_GAP = 9, SMOOTH_HALF = 11, MAX_HALF = 30, MIN_LATE = 20 };
 // By hand.
@@ -361,7 +358,6 @@ struct series {
     float *angle_a, *angle_b; // the joint's named angle, rad
     float *fresh;             // how much of a frame says something new
     float *weight;            // what a frame says against noise
-    double offset;            // degrees: what it is off by all along
     double begin, stay;       // degrees, see BEGIN_DEGREES
 };
 
@@ -523,15 +519,6 @@ static float smoothed_degrees(const struct series *series, int32_t count, int32_
     return (float)(2 * RAD * portable_asin(fmin(1, sqrt(square) / 2)));
 }
 
-static double offset_degrees(const struct judge *judge)
-{
-    int32_t used = 0;
-    for (int32_t f = 0; f < judge->count; f++)
-        if (!isnan(judge->s.degrees[f]))
-            judge->scratch[used++] = (struct weighed){judge->s.degrees[f], judge->s.fresh[f]};
-    return used ? weighed_quantile(judge->scratch, used, OFFSET_QUANTILE) : 0;
-}
-
 static void fill_frame(struct judge *judge, int32_t f)
 {
     const struct comparison *c = judge->c;
@@ -584,7 +571,6 @@ static void fill_series(struct judge *judge, const struct body_joint *joint)
     judge->s.stay = judge->c->by.threshold[joint->part] * STAY_DEGREES;
     parallel_for(THREADS, shares, fill_share, judge);
     parallel_for(THREADS, shares, smooth_share, judge);
-    judge->s.offset = offset_degrees(judge);
 }
 
 // ------------------------------------------------------------- posture
@@ -677,12 +663,18 @@ static void say_posture(const struct judge *judge, const struct wrong *wrong, st
     snprintf(f->predicate, sizeof f->predicate, "%.0f° %s", fabs(f->amount), way);
 }
 
+// Of what is compared, the share that a finding lasts.
+static double finding_share(const struct judge *judge, const struct finding *finding)
+{
+    const double seconds = finding->to_s - finding->from_s;
+    return seconds / fmax(seconds, at_seconds(judge->c->pace.b_end - judge->c->pace.b_first));
+}
+
 // A part that the reference hardly moves costs less, as in score.h.
-static double finding_cost(const struct judge *judge, double degrees, double seconds)
+static double finding_cost(const struct judge *judge, double degrees, double share)
 {
     const enum part part = judge->s.joint->part;
-    const double z = degrees / RAD / (judge->c->by.spread[part][DEVIATION_OFFSET] * natural_offset_rad(part)),
-                 share = seconds / fmax(seconds, at_seconds(judge->c->pace.b_end - judge->c->pace.b_first));
+    const double z = degrees / RAD / (judge->c->by.spread[part][DEVIATION_OFFSET] * natural_offset_rad(part));
     const double weight = PART_COUNT * judge->c->terms.part[part].weight; // 1: as the mean part
     return FINDING_COST * robust_cost(z) * sqrt(share * fmin(1, weight));
 }
@@ -708,7 +700,9 @@ static enum status add_posture(struct judge *judge, int32_t first, int32_t end)
     say_posture(judge, &w, &f);
     // What may be the joints' own error counts less.
     const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
-    f.cost = sure * finding_cost(judge, fmax(0, w.degrees - judge->s.offset), f.to_s - f.from_s);
+    // Of the mean square of what differs, what is in the mean costs by its part's offset (score.h), and not once more.
+    const double share = finding_share(judge, &f);
+    f.cost = sure * finding_cost(judge, sqrt(1 - share) * w.degrees, share);
     // Shoulders that are higher on one side, or drawn forwards, are no turn.
     const bool mostly = level_of(&judge->s, first, end, 0.5, judge->scratch) >= judge->s.begin &&
                         (!is_turn(judge->s.joint) || fabs(w.angle_degrees) >= 0.6 * w.degrees);
@@ -830,7 +824,7 @@ static enum status scan_range(struct judge *judge, bool *found)
     struct finding f = new_finding(judge, FINDING_RANGE, judge->c->pace.b_first, judge->c->pace.b_end);
     f.noun = noun_of(j, true);
     f.amount = range_b - range_a;
-    f.cost = finding_cost(judge, 0.5 * fabs(f.amount), f.to_s - f.from_s);
+    f.cost = finding_cost(judge, 0.5 * fabs(f.amount), finding_share(judge, &f));
     snprintf(f.predicate, sizeof f.predicate, "%.0f° %s: %.0f° instead of %.0f°", fabs(f.amount),
              f.amount < 0 ? "less" : "more", range_b, range_a);
     *found = true;
