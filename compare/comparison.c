@@ -388,25 +388,33 @@ static enum status measure_shares(struct comparison *comparison)
     return status;
 }
 
-// By hand: below 4 degrees a movement is a hold, above 6 it is none; holds of one posture are within 25
-// degrees. The correlation as docs/notes/comparing.md says: the least at which one in a hundred pairs of different
-// motions passes. At least half of what either moves has to be aligned.
+// By hand: below 4 degrees a movement is a hold, above 6 it is none, each beside what the joints' errors add (in twice
+// their variance: they are themselves sure to about a half); holds of one posture are within 25 degrees. The
+// correlation as docs/notes/comparing.md says: the least at which one in a hundred pairs of different motions passes.
+// At least half of what either moves has to be aligned.
 static const double STILL_RAD = 0.07, MOVED_FACTOR = 1.5, SAME_POSE_RAD = 0.44, MIN_CORRELATION = 0.4, MIN_SHARE = 0.5;
+
+static bool moves_more(double moved_rad, double than_rad, double error_rad)
+{
+    return moved_rad * moved_rad > than_rad * than_rad + 2 * error_rad * error_rad;
+}
 
 static void set_relation(struct comparison *comparison)
 {
     const struct similarity *l = &comparison->similarity;
-    const double a = l->moved_a_rad, b = l->moved_b_rad, *share = comparison->judged_share;
-    // Near a hold the correlation is that of noise: then the posture decides.
-    const bool still_a = a < STILL_RAD, still_b = b < STILL_RAD,
-               holds = (still_a || still_b) && fmax(a, b) <= MOVED_FACTOR * STILL_RAD;
+    const double *share = comparison->judged_share;
+    const bool still_a = !moves_more(l->moved_a_rad, STILL_RAD, l->error_a_rad),
+               still_b = !moves_more(l->moved_b_rad, STILL_RAD, l->error_b_rad),
+               moves_a = moves_more(l->moved_a_rad, MOVED_FACTOR * STILL_RAD, l->error_a_rad),
+               moves_b = moves_more(l->moved_b_rad, MOVED_FACTOR * STILL_RAD, l->error_b_rad),
+               holds = (still_a || still_b) && !moves_a && !moves_b; // their correlation is that of noise
     const char *sentence = "";
     char part[160];
     enum relation relation = RELATION_SAME;
-    if (still_a && b > MOVED_FACTOR * STILL_RAD) {
+    if (still_a && moves_b) {
         relation = RELATION_MOVED;
         sentence = "You moved, where the reference holds still";
-    } else if (still_b && a > MOVED_FACTOR * STILL_RAD) {
+    } else if (still_b && moves_a) {
         relation = RELATION_STILL;
         sentence = "You held still, where the reference moves";
     } else if (holds ? l->rms_rad > SAME_POSE_RAD : l->correlation < MIN_CORRELATION) {
@@ -438,7 +446,7 @@ static void judge_whole(struct comparison *comparison, struct pair_sums *sums)
     noise_sums_add(sums->noise[0], &comparison->a, 0, comparison->a.count);
     noise_sums_add(sums->noise[1], &comparison->judged, 0, comparison->judged.count);
     comparison->terms = score_posture(sums, NULL, &comparison->by);
-    comparison->similarity = similarity_of(sums);
+    comparison->similarity = similarity_of(sums, &comparison->a, &comparison->judged);
 }
 
 static void charge_times(struct comparison *comparison)
@@ -491,7 +499,7 @@ static enum status judge_repetitions(struct comparison *comparison, struct timel
     comparison->timeline = *repeated;
     *repeated = swap;
     comparison->terms = terms;
-    comparison->similarity = similarity_of(&all->sums);
+    comparison->similarity = similarity_of(&all->sums, &comparison->a, &comparison->judged);
     comparison->judged_share[0] = comparison->judged_share[1] = 1; // nearly: MIN_COVERED in repetitions.c
     pace_free(&comparison->pace);
     return measure_pace(comparison, true);

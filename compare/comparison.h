@@ -55,7 +55,7 @@ struct comparison {
     enum relation relation;
     char relation_sentence[160]; // of what is not the same; else ""
     struct score_terms terms;
-    double score_sigma;       // of the score for the joints' errors, score.h; NaN: unknown
+    double score_sigma;       // of the score for the joints' errors, points, score.h; NaN: unknown; 0 without a score
     double score;             // 0 where the relation is not RELATION_SAME: it says nothing then
     struct finding *findings; // malloc'ed, worst first; none where the relation is not RELATION_SAME
     int32_t finding_count;

@@ -84,7 +84,7 @@ static struct carried_directions carried_directions_of(const struct movement_fra
     for (int p = 0; p < PART_COUNT; p++)
         if (is_trunk(p) && (frame->known >> p & 1))
             put_direction(&out, p, vec3_from_floats(frame->direction[p]));
-    if (frame->known >> LINE_SHOULDERS & 1)
+    if (frame->known >> LINE_SHOULDERS & frame->known >> PART_UPPER_TORSO & 1)
         put_direction(&out, LINE_SHOULDERS, vec3_from_floats(frame->shoulders));
     if (chest_from_upright(frame, &chest)) {
         put_limb(&out, frame, chest, PART_LEFT_UPPER_ARM);
@@ -187,9 +187,11 @@ static struct spreads spreads_of(const struct pair_moments *m)
     return s;
 }
 
+static double noise_variance(const struct noise_sum *noise) { return noise->sum / fmax(1, noise->count); }
+
 static void take_off_noise(struct spreads *s, const struct noise_sum *a, const struct noise_sum *b)
 {
-    const double noise_a = a->sum / fmax(1, a->count), noise_b = b->sum / fmax(1, b->count);
+    const double noise_a = noise_variance(a), noise_b = noise_variance(b);
     s->variance_a = fmax(0, s->variance_a - noise_a);
     s->variance_b = fmax(0, s->variance_b - noise_b);
     s->course2 = fmax(0, s->course2 - noise_a - noise_b);
@@ -220,21 +222,39 @@ static void merge_lines(struct part_deviation *part, const struct part_deviation
     part->weight = weight;
 }
 
-// Of a line; zeroed where it is hardly ever known. most: of all lines' counts.
-static struct part_deviation line_deviation(const struct pair_sums *sums, int line, double most, const double *moved,
+// Is it known in a tenth of the pairs that know most?
+static bool is_line_scored(const struct pair_sums *sums, int line)
+{
+    double most = 0;
+    for (int p = 0; p < SCORED_LINES; p++)
+        most = fmax(most, sums->carried[p].count);
+    return sums->carried[line].count > 0 && 10 * sums->carried[line].count >= most;
+}
+
+// A line's spreads, or what is expected instead of them; by NULL: nothing is.
+struct line_spreads {
+    double natural[DEVIATIONS];
+};
+static struct line_spreads expected_spreads(int line, const struct tolerances *by)
+{
+    struct line_spreads out;
+    for (int k = 0; k < DEVIATIONS; k++)
+        out.natural[k] = (by ? by->spread[part_of_line(line)][k] : 1) * spread[line][k];
+    return out;
+}
+
+// Of a line; zeroed where it is hardly ever known.
+static struct part_deviation line_deviation(const struct pair_sums *sums, int line, const double *moved,
                                             const struct tolerances *by)
 {
     struct part_deviation out = {.weight = 0};
-    const struct pair_moments *m = &sums->carried[line];
     const int part = part_of_line(line);
-    double natural[DEVIATIONS];
-    if (!(m->count > 0) || 10 * m->count < most)
+    const struct line_spreads spreads = expected_spreads(line, by);
+    if (!is_line_scored(sums, line))
         return out;
-    struct spreads s = spreads_of(m);
+    struct spreads s = spreads_of(&sums->carried[line]);
     take_off_noise(&s, &sums->noise[0][line], &sums->noise[1][line]);
-    for (int k = 0; k < DEVIATIONS; k++)
-        natural[k] = (by ? by->spread[part][k] : 1) * spread[line][k];
-    measure_line(&s, natural, &out);
+    measure_line(&s, spreads.natural, &out);
     out.weight = is_trunk(part) ? 1 : (moved ? moved[part] : sqrt(s.variance_a)) + MIN_MOVED_RAD;
     return out;
 }
@@ -242,11 +262,9 @@ static struct part_deviation line_deviation(const struct pair_sums *sums, int li
 struct score_terms score_posture(const struct pair_sums *sums, const double *moved, const struct tolerances *by)
 {
     struct score_terms terms = {.posture = 0};
-    double most = 0, sum[2] = {0};
-    for (int p = 0; p < SCORED_LINES; p++)
-        most = fmax(most, sums->carried[p].count);
+    double sum[2] = {0};
     for (int p = 0; p < SCORED_LINES; p++) {
-        const struct part_deviation line = line_deviation(sums, p, most, moved, by);
+        const struct part_deviation line = line_deviation(sums, p, moved, by);
         merge_lines(&terms.part[part_of_line(p)], &line);
         sum[is_trunk(part_of_line(p))] += line.weight;
     }
@@ -263,16 +281,16 @@ struct score_terms score_posture(const struct pair_sums *sums, const double *mov
 // Seconds for which a tracker's error stays what it is. By hand.
 static const double ERROR_S = 1;
 
-// What errors of the lines' directions (variance: rad^2 about each axis across, of both) may add to its cost.
+// What errors of a line's directions (variance: rad^2 about each axis across, of both movements) may add to its cost.
 static double line_cost_error(const struct pair_sums *sums, int line, double variance, const double natural[DEVIATIONS])
 {
     const double pieces = fmax(1, sums->carried[line].count / (ERROR_S * MOVEMENT_RATE_HZ));
+    const struct noise_sum *noise_a = &sums->noise[0][line], *noise_b = &sums->noise[1][line];
     struct part_deviation x = {.weight = 0};
     struct spreads s = spreads_of(&sums->carried[line]);
-    const double before = s.course2;
-    take_off_noise(&s, &sums->noise[0][line], &sums->noise[1][line]);
+    take_off_noise(&s, noise_a, noise_b);
     measure_line(&s, natural, &x);
-    const double slow = fmax(0, 2 * variance - (before - s.course2)), // two axes
+    const double slow = fmax(0, 2 * variance - noise_variance(noise_a) - noise_variance(noise_b)), // two axes
         error[DEVIATIONS] = {sqrt(2 * variance / pieces) / natural[DEVIATION_OFFSET],
                              sqrt(slow / (s.variance_a + s.variance_b + MOVED_FLOOR)) / natural[DEVIATION_COURSE],
                              0.5 * slow / (s.variance_a + MOVED_FLOOR) / sqrt(pieces) / natural[DEVIATION_RANGE]};
@@ -291,22 +309,30 @@ double score_error(const struct score_terms *terms, const struct pair_sums *sums
     double sum = 0;
     if (!a->sigma_given || !b->sigma_given)
         return NAN;
-    for (int p = 0; p < PART_COUNT; p++) {
-        double natural[DEVIATIONS];
-        if (!(terms->part[p].weight > 0))
-            continue;
-        for (int k = 0; k < DEVIATIONS; k++)
-            natural[k] = by->spread[p][k] * spread[p][k];
-        const double sa = a->sigma_typical[p], sb = b->sigma_typical[p];
-        sum += terms->part[p].weight * line_cost_error(sums, p, sa * sa + sb * sb, natural);
+    for (int line = 0; line < SCORED_LINES; line++) {
+        const int part = part_of_line(line);
+        // The shoulders are as far apart as the trunk is long, and taken for as exact.
+        const double sa = a->sigma_typical[part], sb = b->sigma_typical[part];
+        const bool two = part == PART_UPPER_TORSO && is_line_scored(sums, LINE_SHOULDERS);
+        const struct line_spreads spreads = expected_spreads(line, by);
+        if (is_line_scored(sums, line))
+            sum += terms->part[part].weight / (two ? 2 : 1) *
+                   line_cost_error(sums, line, sa * sa + sb * sb, spreads.natural);
     }
     return 100 * sum * (1 - terms->missing_share) * (1 - terms->extra_share) * (1 - terms->findings);
 }
 
-struct similarity similarity_of(const struct pair_sums *sums)
+// What slow errors of a part add to the variance of its directions, rad^2. jitter: of the part, where nothing is given.
+static double slow_variance(const struct movement *movement, int part, const struct noise_sum *noise, double jitter)
+{
+    const double sigma = movement->sigma_typical[part];
+    return movement->sigma_given ? fmax(0, 2 * sigma * sigma - noise_variance(noise)) : jitter; // two axes
+}
+
+struct similarity similarity_of(const struct pair_sums *sums, const struct movement *a, const struct movement *b)
 {
     struct spreads sum = {0};
-    double parts = 0, square = 0, moved_a = 0, moved_b = 0;
+    double parts = 0, square = 0, moved_a = 0, moved_b = 0, error_a = 0, error_b = 0;
     for (int p = 0; p < PART_COUNT; p++) {
         if (!(sums->upright[p].count > 0))
             continue;
@@ -315,6 +341,11 @@ struct similarity similarity_of(const struct pair_sums *sums)
         take_off_noise(&still, &sums->noise[0][p], &sums->noise[1][p]);
         moved_a += still.variance_a;
         moved_b += still.variance_b;
+        // Of one that moves quickly, a part of that is taken for noise.
+        const struct noise_sum *noise_a = &sums->noise[0][p], *noise_b = &sums->noise[1][p];
+        const double jitter = fmin(noise_variance(noise_a), noise_variance(noise_b));
+        error_a += slow_variance(a, p, noise_a, jitter);
+        error_b += slow_variance(b, p, noise_b, jitter);
         sum.variance_a += s.variance_a;
         sum.variance_b += s.variance_b;
         sum.covariance += s.covariance;
@@ -323,6 +354,10 @@ struct similarity similarity_of(const struct pair_sums *sums)
     }
     if (!(parts > 0))
         return (struct similarity){0};
-    return (struct similarity){sum.covariance / sqrt(fmax(1e-12, sum.variance_a * sum.variance_b)),
-                               sqrt(square / parts), sqrt(moved_a / parts), sqrt(moved_b / parts)};
+    return (struct similarity){.correlation = sum.covariance / sqrt(fmax(1e-12, sum.variance_a * sum.variance_b)),
+                               .rms_rad = sqrt(square / parts),
+                               .moved_a_rad = sqrt(moved_a / parts),
+                               .moved_b_rad = sqrt(moved_b / parts),
+                               .error_a_rad = sqrt(error_a / parts),
+                               .error_b_rad = sqrt(error_b / parts)};
 }

@@ -78,5 +78,8 @@ struct similarity {
     double correlation;              // of the directions less their means, all parts together; 1: one is a multiple
     double rms_rad;                  // root mean square of the differences
     double moved_a_rad, moved_b_rad; // standard deviation of each one's directions without noise, r.m.s. over the parts
+    double error_a_rad, error_b_rad; // what the joints' slow errors may add to that
 };
-struct similarity similarity_of(const struct pair_sums *sums);
+// The slow errors are by what the movements' source says of its joints; where it says nothing, as large as the
+// noise of the one that has less of it: a sensor that jitters also drifts.
+struct similarity similarity_of(const struct pair_sums *sums, const struct movement *a, const struct movement *b);
