@@ -426,6 +426,12 @@ static void set_relation(struct comparison *comparison)
                  comparison->pace.a_first / MOVEMENT_RATE_HZ, comparison->pace.a_end / MOVEMENT_RATE_HZ,
                  comparison->a.count / MOVEMENT_RATE_HZ);
         sentence = part;
+    } else if (share[1] < MIN_SHARE && 2 * comparison->pace.extra > comparison->pace.b_end - comparison->pace.b_first) {
+        relation = RELATION_PART;
+        snprintf(part, sizeof part,
+                 "Most of the attempt is something else: %.1f s of its %.1f s are not in the reference",
+                 comparison->pace.extra / MOVEMENT_RATE_HZ, comparison->judged.count / MOVEMENT_RATE_HZ);
+        sentence = part;
     } else if (share[1] < MIN_SHARE) {
         relation = RELATION_PART;
         snprintf(part, sizeof part, "Most of the attempt is something else: only %.1f s to %.1f s are the movement",

@@ -154,41 +154,72 @@ enum { BLOCK = 1024, SHARES = 4, MIN_FOR_THREAD = 256 };
 enum { MANY_FRAMES = 18000, MAX_STRIDE = 6 };
 // Squared chords of two parts: only where they are 8 degrees off each does it matter when the limb moves.
 static const double MIN_COST = 2 * 0.0195;
-// By hand: a lateness explains a difference if less than this share of it remains.
+// By hand: a lateness explains a difference if less than this share of it remains, and of it less what is in its mean:
+// as a joint comes to be held otherwise, it seems late or early, too.
 static const double EXPLAINED = 0.55;
 // A difference that is known to 5 degrees counts half; by hand.
 static const double TRUSTED = 0.0076;
 
-// What the limbs cost at a frame of the attempt, for every shift.
+// What the limbs cost at an instant of the attempt, for every shift; and without one how their joints differ.
+struct limb_costs {
+    float at[SHIFTS][LIMBS];
+    float joint[BODY_JOINTS][4]; // weight, and the difference times that
+};
+
 static void add_costs(const struct movement *a, const struct movement *b, const struct timeline *timeline, int32_t f,
-                      uint16_t ignored, float cost[SHIFTS][LIMBS])
+                      uint16_t ignored, struct limb_costs *out)
 {
+    memset(out->joint, 0, sizeof out->joint);
     for (int s = 0; s < SHIFTS; s++) {
         double sum[LIMBS] = {0}, d[3], sigma;
         if (!isnan(timeline->reference[f])) {
             const struct movement_frame x = movement_at(a, (double)timeline->reference[f] + (s - SHIFTS_HALF));
             const struct chest_turn turn = chest_turn_of(&x, &b->frames[f]);
-            for (int k = 0; k < BODY_JOINTS; k++)
-                if (body_joints[k].limb >= 0 && !(ignored >> body_joints[k].part & 1) &&
-                    difference_with(&x, &b->frames[f], &body_joints[k], &turn, d, &sigma))
-                    sum[body_joints[k].limb] +=
-                        (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * TRUSTED / (TRUSTED + sigma * sigma);
+            for (int k = 0; k < BODY_JOINTS; k++) {
+                if (body_joints[k].limb < 0 || (ignored >> body_joints[k].part & 1) ||
+                    !difference_with(&x, &b->frames[f], &body_joints[k], &turn, d, &sigma))
+                    continue;
+                const double weight = TRUSTED / (TRUSTED + sigma * sigma);
+                sum[body_joints[k].limb] += (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * weight;
+                for (int axis = 0; axis < 4 && s == SHIFTS_HALF; axis++)
+                    out->joint[k][axis] = (float)(weight * (axis ? d[axis - 1] : 1));
+            }
         }
         for (int limb = 0; limb < LIMBS; limb++)
-            cost[s][limb] = (float)sum[limb];
+            out->at[s][limb] = (float)sum[limb];
     }
 }
 
 // Sums of the costs before each of the last RING instants.
 struct sums {
     double before[RING][SHIFTS][LIMBS];
+    double joint[RING][BODY_JOINTS][4];
 };
 
-static void push_costs(struct sums *sums, int32_t at, float cost[SHIFTS][LIMBS])
+static void push_costs(struct sums *sums, int32_t at, const struct limb_costs *costs)
 {
     for (int k = 0; k < SHIFTS; k++)
         for (int limb = 0; limb < LIMBS; limb++)
-            sums->before[(at + 1) % RING][k][limb] = sums->before[at % RING][k][limb] + cost[k][limb];
+            sums->before[(at + 1) % RING][k][limb] = sums->before[at % RING][k][limb] + costs->at[k][limb];
+    for (int k = 0; k < BODY_JOINTS; k++)
+        for (int axis = 0; axis < 4; axis++)
+            sums->joint[(at + 1) % RING][k][axis] = sums->joint[at % RING][k][axis] + costs->joint[k][axis];
+}
+
+// What of a limb's cost over the instants first..end - 1 is in the joints' mean differences.
+static double offset_cost(const struct sums *sums, int32_t first, int32_t end, int limb)
+{
+    double cost = 0;
+    for (int k = 0; k < BODY_JOINTS; k++) {
+        double sum[4];
+        if (body_joints[k].limb != limb)
+            continue;
+        for (int axis = 0; axis < 4; axis++)
+            sum[axis] = sums->joint[end % RING][k][axis] - sums->joint[first % RING][k][axis];
+        if (sum[0] > 0)
+            cost += (sum[1] * sum[1] + sum[2] * sum[2] + sum[3] * sum[3]) / sum[0];
+    }
+    return cost / (end - first);
 }
 
 // The shift of one limb over the instants first..end - 1.
@@ -211,8 +242,9 @@ static int8_t choose_shift(const struct sums *sums, int32_t first, int32_t end, 
             large = k;
         }
     }
-    *late = abs(large) > SMALL_HALF && zero > MIN_COST && large_cost < EXPLAINED * zero;
-    return (int8_t)(*late ? large : small);
+    const bool fits = abs(large) > SMALL_HALF && zero > MIN_COST && large_cost < EXPLAINED * zero;
+    *late = fits && large_cost < EXPLAINED * (zero - offset_cost(sums, first, end, limb));
+    return (int8_t)(fits ? large : small);
 }
 
 // Costs of the next instants, made ahead by several threads.
@@ -221,7 +253,7 @@ struct cost_block {
     const struct timeline *timeline;
     int32_t stride, first, end; // instants
     uint16_t ignored;
-    float cost[BLOCK][SHIFTS][LIMBS];
+    struct limb_costs cost[BLOCK];
 };
 
 static void cost_share(void *context, int share)
@@ -230,7 +262,7 @@ static void cost_share(void *context, int share)
     const int32_t end = block->first + (share + 1) * (BLOCK / SHARES);
     for (int32_t n = block->first + share * (BLOCK / SHARES); n < end && n < block->end; n++)
         add_costs(block->a, block->b, block->timeline, n * block->stride, block->ignored,
-                  block->cost[n - block->first]);
+                  &block->cost[n - block->first]);
 }
 
 enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t, uint16_t ignored,
@@ -258,7 +290,7 @@ enum status limb_shifts(const struct movement *a, const struct movement *b, cons
                 block->end = ahead + BLOCK < count ? ahead + BLOCK : count;
                 parallel_for((block->end - ahead) / MIN_FOR_THREAD, SHARES, cost_share, block);
             }
-            push_costs(sums, ahead, block->cost[ahead - block->first]);
+            push_costs(sums, ahead, &block->cost[ahead - block->first]);
         }
         for (int limb = 0; limb < LIMBS; limb++) {
             struct limb_shift chosen;

@@ -171,8 +171,8 @@ double finding_worst_s(const struct comparison *comparison, const struct finding
 
 // Findings about time as a whole: what is missing or added, pauses, pace, repetitions, the side.
 
-// Frames, by hand: pauses so near each other are one, and what remains of it is said from so many on.
-enum { SAME_REST = 15, MIN_NET = 10 };
+// Frames, by hand: pauses so near each other are one, and what is longer or shorter is said from so many on.
+enum { SAME_REST = 15, MIN_NET = 12 };
 
 // By hand: what a finding costs at most beside the deviations of its parts, which are means over the whole movement.
 static const double FINDING_COST = 0.25, TIMING_SPREAD_S = 1;
@@ -330,7 +330,7 @@ static enum status find_pieces(struct comparison *comparison)
     for (int32_t k = 0, count; k < comparison->pace.piece_count && status == OK; k += count) {
         struct piece p;
         count = join_pauses(&comparison->pace, k, &p);
-        if (count > 1 && abs(frames_longer(&p)) < MIN_NET)
+        if (is_pause(&p) && abs(frames_longer(&p)) < MIN_NET)
             continue;
         status = of_piece(comparison, &p);
     }

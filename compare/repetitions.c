@@ -10,7 +10,7 @@
 enum { MIN_PIECE = 12, MIN_PAUSE = 10 };
 // A piece has content if some part leaves the poses at its ends by more (chord of 25 degrees).
 static const double MOVED_CHORD = 0.433;
-// The same for what is added (60 degrees): less may be the same movement done too far.
+// The same for what is added (60 degrees), whichever way; along A's own way less may be the same movement done too far.
 static const double ADDED_CHORD = 1;
 // While B goes through a piece that A lacks, or waits, A advances at most at this share of the pace.
 static const double STANDSTILL = 0.25;
@@ -112,6 +112,86 @@ static enum status look_for_jump(struct walk *walk, int32_t j, int32_t next)
     return add_piece(walk->pace, piece);
 }
 
+// How the body's parts move from one pose to another: their directions' differences, of those known in both.
+struct course {
+    double part[PART_COUNT][3];
+};
+
+static struct course course_of(const struct movement_frame *from, const struct movement_frame *to, uint16_t parts)
+{
+    struct course out = {{{0}}};
+    for (int p = 0; p < PART_COUNT; p++)
+        for (int k = 0; k < 3 && (parts & from->known & to->known & 1u << p); k++)
+            out.part[p][k] = (double)to->direction[p][k] - from->direction[p][k];
+    return out;
+}
+
+// Takes out of each part's way what lies along its own way there.
+static void course_remove(struct course *course, const struct course *along)
+{
+    for (int p = 0; p < PART_COUNT; p++) {
+        double *d = course->part[p];
+        const double *x = along->part[p], length2 = x[0] * x[0] + x[1] * x[1] + x[2] * x[2],
+                     share = length2 > 0 ? (d[0] * x[0] + d[1] * x[1] + d[2] * x[2]) / length2 : 0;
+        for (int k = 0; k < 3; k++)
+            d[k] -= share * x[k];
+    }
+}
+
+// Of the part that goes farthest.
+static double course_length(const struct course *course)
+{
+    double most2 = 0;
+    for (int p = 0; p < PART_COUNT; p++) {
+        const double *d = course->part[p];
+        most2 = fmax(most2, d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    }
+    return sqrt(most2);
+}
+
+// What A does while it stands still, and how it comes there and goes on.
+struct standstill {
+    int32_t a_first, a_end;
+    struct course in, out; // at right angles to each other
+};
+
+static struct standstill standstill_of(const struct walk *walk, int32_t a_first, int32_t a_end)
+{
+    enum { HALF = 15 }; // half a second
+    const struct movement_frame before = movement_at(walk->a, a_first - HALF), first = movement_at(walk->a, a_first),
+                                last = movement_at(walk->a, a_end - 1), after = movement_at(walk->a, a_end - 1 + HALF);
+    struct standstill out = {a_first, a_end, course_of(&before, &first, walk->parts),
+                             course_of(&last, &after, walk->parts)};
+    course_remove(&out.out, &out.in);
+    return out;
+}
+
+static bool is_elsewhere(const struct walk *walk, const struct standstill *still, const struct movement_frame *from,
+                         const struct movement_frame *to)
+{
+    struct course gone = course_of(from, to, walk->parts);
+    course_remove(&gone, &still->in);
+    course_remove(&gone, &still->out);
+    return course_length(&gone) > MOVED_CHORD;
+}
+
+// Does B leave A's poses and its own first and last one over first..end - 1 of its frames? Further along A's way is no
+// other place: the same movement done too far.
+static bool goes_elsewhere(const struct walk *walk, const struct standstill *still, int32_t first, int32_t end)
+{
+    enum { LEAST = 9 }; // frames: less is a tracker's mistake
+    const struct movement_frame *b = walk->b->frames;
+    const int32_t stride = 1 + (still->a_end - still->a_first) / 32; // so long a standstill is one in every frame
+    int count = 0;
+    for (int32_t f = first; f < end && count < LEAST; f++) {
+        bool elsewhere = is_elsewhere(walk, still, &b[first], &b[f]) && is_elsewhere(walk, still, &b[end - 1], &b[f]);
+        for (int32_t i = still->a_first; i < still->a_end && elsewhere; i += stride)
+            elsewhere = is_elsewhere(walk, still, &walk->a->frames[i], &b[f]);
+        count += elsewhere;
+    }
+    return count == LEAST;
+}
+
 // A stands still over first..end - 1 of B.
 static enum status look_for_halt(struct walk *walk, int32_t first, int32_t end)
 {
@@ -120,11 +200,12 @@ static enum status look_for_halt(struct walk *walk, int32_t first, int32_t end)
     const int32_t a_first = (int32_t)walk->reference[first], a_end = (int32_t)walk->reference[end - 1] + 1;
     struct piece piece = {.a_first = a_first, .a_end = a_end, .b_first = first, .b_end = end};
     const struct movement_frame before = movement_at(walk->a, a_first), after = movement_at(walk->a, a_end - 1);
-    const bool content =
-        end - first >= MIN_PIECE &&
+    const struct standstill still = standstill_of(walk, a_first, a_end);
+    const bool far =
         has_content(walk->b, first, end, (struct pose_pair){&before, &after}, walk->parts, ADDED_CHORD) &&
         has_content(walk->b, first, end, (struct pose_pair){&walk->b->frames[first], &walk->b->frames[end - 1]},
                     walk->parts, ADDED_CHORD);
+    const bool content = end - first >= MIN_PIECE && (far || goes_elsewhere(walk, &still, first, end));
     piece.kind = content ? PIECE_EXTRA : PIECE_PAUSE;
     piece.turned_rad = heading_change(walk->b, first, end);
     if (content)

@@ -83,6 +83,102 @@ static void test_holds_with_noise_are_the_same(void **state)
 }
 
 // Who stops early is told so, and neither hurried nor had smaller ranges.
+static bool finds(const struct comparison *c, enum finding_kind kind, const char *words)
+{
+    for (int32_t k = 0; k < c->finding_count; k++)
+        if (c->findings[k].kind == kind && strstr(c->findings[k].sentence, words))
+            return true;
+    return false;
+}
+
+// Who stands and then moves a part elsewhere and back has added something, and is not blamed for how the part is held;
+// who goes further the way that the reference goes, too, is.
+static void test_what_is_done_in_a_pause_is_added(void **state)
+{
+    (void)state;
+    struct exercise a = exercise_default();
+    a.seconds = 3;
+    struct exercise added = a;
+    added.seconds = 5;
+    added.pause_at_s = 1.5;
+    added.pause_s = 2;
+    added.wrong_from_s = 2;
+    added.wrong_to_s = 3;
+    struct exercise further = added, held = added;
+    added.turn_rad = 0.9;
+    further.right_knee_rad = 0.6;
+    further.wrong_from_s = 1.6;
+    further.wrong_to_s = 3.4;
+    held.left_elbow_rad = 0.6;
+    held.wrong_from_s = 0;
+    held.wrong_to_s = 6;
+    struct comparison c = compare(&a, &added);
+    print_comparison(&c);
+    EXPECT_TRUE(finds(&c, FINDING_EXTRA, "the reference does not have"));
+    EXPECT_TRUE(!finds(&c, FINDING_POSTURE, ""));
+    comparison_free(&c);
+    c = compare(&a, &further);
+    print_comparison(&c);
+    EXPECT_TRUE(finds(&c, FINDING_POSTURE, "Right knee"));
+    EXPECT_TRUE(!finds(&c, FINDING_EXTRA, ""));
+    comparison_free(&c);
+    c = compare(&a, &held);
+    print_comparison(&c);
+    EXPECT_TRUE(finds(&c, FINDING_POSTURE, "Left elbow"));
+    EXPECT_TRUE(finds(&c, FINDING_TIMING, "You paused"));
+    EXPECT_TRUE(!finds(&c, FINDING_EXTRA, ""));
+    comparison_free(&c);
+}
+
+// A joint that comes to be held otherwise for a while, and goes back, makes its limb neither late nor early.
+static void test_a_posture_is_no_lateness(void **state)
+{
+    (void)state;
+    enum { DRAWS = 60, SEED = 11 };
+    int late = 0, found = 0;
+    rng = (struct rng){SEED};
+    const struct exercise a = exercise_default();
+    for (int k = 0; k < DRAWS; k++) {
+        struct exercise b = a;
+        *(k % 2 ? &b.right_knee_rad : &b.left_arm_rad) = rng_between(&rng, 0.4, 0.9);
+        b.wrong_from_s = rng_between(&rng, 0, 4.5);
+        b.wrong_to_s = b.wrong_from_s + rng_between(&rng, 0.8, 2);
+        struct comparison c = compare(&a, &b);
+        late += finds(&c, FINDING_TIMING, "");
+        found += finds(&c, FINDING_POSTURE, k % 2 ? "Right knee" : "Left upper arm");
+        comparison_free(&c);
+    }
+    print_message("seed %d: of %d postures %d are found, %d are called late or early\n", SEED, DRAWS, found, late);
+    EXPECT_AT_MOST(late, 2);    // 1 seen; 11 by the limb's cost alone
+    EXPECT_AT_LEAST(found, 48); // 50 seen: an arm that is up already is not raised
+    struct exercise b = a;
+    b.right_arm_late_s = 0.3;
+    struct comparison c = compare(&a, &b);
+    print_comparison(&c);
+    EXPECT_TRUE(finds(&c, FINDING_TIMING, "arm"));
+    comparison_free(&c);
+}
+
+// Where that is most of the attempt, how much is said.
+static void test_most_of_it_was_added(void **state)
+{
+    (void)state;
+    struct exercise a = exercise_default();
+    a.seconds = 3;
+    struct exercise b = a;
+    b.seconds = 5.5;
+    b.pause_at_s = 1.5;
+    b.pause_s = 2.5;
+    b.turn_rad = 1.2;
+    b.wrong_from_s = 2.2;
+    b.wrong_to_s = 3.4;
+    struct comparison c = compare(&a, &b);
+    print_comparison(&c);
+    EXPECT_INT(c.relation, RELATION_PART);
+    EXPECT_TRUE(strstr(c.relation_sentence, " of its 5.5 s are not in the reference"));
+    comparison_free(&c);
+}
+
 static void test_only_a_part_was_done(void **state)
 {
     (void)state;
@@ -261,6 +357,9 @@ int main(void)
         cmocka_unit_test(test_another_movement_has_no_score),
         cmocka_unit_test(test_standing_is_no_walk),
         cmocka_unit_test(test_holds_with_noise_are_the_same),
+        cmocka_unit_test(test_what_is_done_in_a_pause_is_added),
+        cmocka_unit_test(test_most_of_it_was_added),
+        cmocka_unit_test(test_a_posture_is_no_lateness),
         cmocka_unit_test(test_only_a_part_was_done),
         cmocka_unit_test(test_repetitions_of_either),
         cmocka_unit_test(test_score_and_findings_never_contradict),
