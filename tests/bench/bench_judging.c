@@ -13,7 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double SIGMA_M = 0.005; // of the joints
+static const double SIGMA_M = 0.005;                        // of the joints
+static const double DEGREES = 180 / 3.14159265358979323846; // in a radian
 enum { FRAMES_MOST = 60 * ATTEMPT_HZ, REPETITIONS_MOST = 6 };
 
 struct joints {
@@ -90,14 +91,6 @@ static enum status compare_joints(const struct joints *reference, const struct j
     return status;
 }
 
-static void print_findings(const struct comparison *c)
-{
-    if (c->relation != RELATION_SAME)
-        printf("        %s\n", c->relation_sentence);
-    for (int32_t k = 0; k < c->finding_count; k++)
-        printf("        %s\n", c->findings[k].sentence);
-}
-
 static const char *short_name(const char *motion)
 {
     const char *slash = strrchr(motion, '/');
@@ -109,46 +102,136 @@ static const char *short_name(const char *motion)
 struct edit_result {
     struct attempt_plan plan;
     bool made, judged, first_right, kind_found, posture_free, mirrored_right;
-    int invented;
+    int sentences, invented; // of these: false
     double score;
 };
 
-// Is it a part that the edit changes at all?
-static bool edit_moves_part(enum world_edit_kind kind, const char *part)
+// What is so, by the joints themselves and by the instants that the edit says: a figure of other limbs bends its knees
+// otherwise in a step, and a sentence about that is true.
+struct truth {
+    const struct comparison *c;
+    const struct world_edit *edit;
+};
+
+// The frame of the reference that the attempt's frame shows. NaN: none.
+static double true_frame(const struct truth *truth, int32_t frame)
 {
-    switch (kind) {
-    case EDIT_LATE: return strstr(part, "right_") && (strstr(part, "arm"));
-    case EDIT_RANGE: return true;
-    default: return edit_expects_part(kind, part);
-    }
+    const double at = world_edit_reference_s(truth->edit, frame / MOVEMENT_RATE_HZ) * MOVEMENT_RATE_HZ;
+    return at <= truth->c->a.count - 1 ? at : NAN;
 }
 
-static bool is_invented(enum world_edit_kind kind, const struct finding *finding)
+// Do the joints of the part differ by half of what is said, on average over the finding's time, and the same way?
+static bool joint_is_off(const struct truth *truth, const struct finding *finding, const struct body_joint *joint)
 {
-    const bool posture = finding->kind == FINDING_POSTURE || finding->kind == FINDING_RANGE;
-    if (posture)
-        return !(edit_is_posture(kind) || kind == EDIT_RANGE || kind == EDIT_LATE) ||
-               !edit_moves_part(kind, finding->part);
-    switch (finding->kind) {
-    case FINDING_MIRRORED: return kind != EDIT_MIRRORED;
-    case FINDING_MISSING: return kind != EDIT_MISSING;
-    case FINDING_EXTRA: return kind != EDIT_EXTRA;
-    case FINDING_TIMING:
-        return !(edit_is_timing(kind) || kind == EDIT_MISSING || kind == EDIT_EXTRA) ||
-               (strcmp(finding->part, "body") && !edit_moves_part(kind, finding->part));
-    default: return false;
+    const struct comparison *c = truth->c;
+    const int32_t first = (int32_t)(finding->from_s * MOVEMENT_RATE_HZ),
+                  end = (int32_t)(finding->to_s * MOVEMENT_RATE_HZ);
+    double sum = 0, angle = 0, frames = 0;
+    for (int32_t f = first; f < end && f < c->judged.count; f++) {
+        const double at = true_frame(truth, f);
+        double d[3], sigma;
+        frames++;
+        if (isnan(at))
+            continue;
+        const struct movement_frame x = movement_at(&c->a, at), *y = &c->judged.frames[f];
+        if (!joint_difference(&x, y, joint, d, &sigma))
+            continue;
+        sum += 2 * asin(fmin(1, sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / 2)) * DEGREES;
+        const double by = (double)body_angle_of(y, joint->angle) - body_angle_of(&x, joint->angle);
+        angle += isnan(by) ? 0 : by;
     }
+    const bool bent = strstr(finding->sentence, " bent") != NULL;
+    return sum >= 0.5 * fabs(finding->amount) * frames && (!bent || angle * finding->amount > 0);
+}
+
+// Does the angle go through less, by half of what is said, in what belongs together?
+static bool range_is_off(const struct truth *truth, const struct finding *finding, const struct body_joint *joint)
+{
+    const struct comparison *c = truth->c;
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (int32_t f = 0; f < c->judged.count; f++) {
+        const double at = true_frame(truth, f);
+        if (isnan(at))
+            continue;
+        const struct movement_frame x = movement_at(&c->a, at);
+        const float angle[2] = {body_angle_of(&x, joint->angle), body_angle_of(&c->judged.frames[f], joint->angle)};
+        for (int k = 0; k < 2; k++) {
+            low[k] = fmin(low[k], angle[k]);
+            high[k] = fmax(high[k], angle[k]);
+        }
+    }
+    const double less = (high[1] - low[1] - (high[0] - low[0])) * DEGREES;
+    return less * finding->amount > 0 && fabs(less) >= 0.5 * fabs(finding->amount);
+}
+
+static bool posture_is_off(const struct truth *truth, const struct finding *finding)
+{
+    for (int k = 0; k < BODY_JOINTS; k++) {
+        const struct body_joint *joint = &body_joints[k];
+        if (!(finding->parts >> joint->part & 1))
+            continue;
+        if (finding->kind == FINDING_RANGE ? range_is_off(truth, finding, joint) : joint_is_off(truth, finding, joint))
+            return true;
+    }
+    return false;
+}
+
+// Does most of the finding's time lie between these two?
+static bool is_within(const struct finding *finding, double from_s, double to_s)
+{
+    return fmin(finding->to_s, to_s) - fmax(finding->from_s, from_s) >= 0.5 * (finding->to_s - finding->from_s);
+}
+
+static bool timing_is_off(const struct world_edit *edit, const struct finding *finding)
+{
+    if (strcmp(finding->part, "body"))
+        return edit->kind == EDIT_LATE && strstr(finding->part, "right_") && strstr(finding->part, "arm");
+    if (!finding->timed) // the pace
+        return edit->kind == EDIT_TEMPO;
+    if (edit->kind == EDIT_MISSING) // a pause that is too short
+        return finding->amount < 0 && is_within(finding, edit->from_s - 0.5, edit->from_s + 0.5);
+    return edit->kind == EDIT_TEMPO || // uneven
+           ((edit->kind == EDIT_PAUSE || edit->kind == EDIT_EXTRA) &&
+            is_within(finding, edit->from_s - 0.5, edit->from_s + edit->amount + 0.5));
+}
+
+static bool is_true(const struct truth *truth, const struct finding *finding)
+{
+    const struct world_edit *edit = truth->edit;
+    switch (finding->kind) {
+    case FINDING_POSTURE:
+    case FINDING_RANGE: return posture_is_off(truth, finding);
+    case FINDING_TIMING: return timing_is_off(edit, finding);
+    case FINDING_MIRRORED: return edit->kind == EDIT_MIRRORED;
+    case FINDING_MISSING:
+        return edit->kind == EDIT_MISSING && (!finding->timed || is_within(finding, edit->from_s, edit->to_s));
+    case FINDING_EXTRA:
+        return edit->kind == EDIT_EXTRA &&
+               (!finding->timed || is_within(finding, edit->from_s, edit->from_s + edit->amount));
+    }
+    return false;
+}
+
+// truth: NULL: not known.
+static void print_findings(const struct comparison *c, const struct truth *truth)
+{
+    if (c->relation != RELATION_SAME)
+        printf("        %s\n", c->relation_sentence);
+    for (int32_t k = 0; k < c->finding_count; k++)
+        printf("        %s%s\n", c->findings[k].sentence, truth && !is_true(truth, &c->findings[k]) ? " - false" : "");
 }
 
 static void judge_edit(const struct comparison *c, struct edit_result *out)
 {
     const enum world_edit_kind kind = out->plan.edit.kind;
+    const struct truth truth = {c, &out->plan.edit};
     out->judged = c->relation == RELATION_SAME;
     out->score = c->score;
     out->posture_free = true;
     for (int32_t k = 0; k < c->finding_count; k++) {
         const struct finding *f = &c->findings[k];
-        out->invented += is_invented(kind, f);
+        out->invented += !is_true(&truth, f);
+        out->sentences++;
         out->posture_free = out->posture_free && f->kind != FINDING_POSTURE && f->kind != FINDING_RANGE;
         out->kind_found = out->kind_found || (kind == EDIT_MISSING && f->kind == FINDING_MISSING) ||
                           (kind == EDIT_EXTRA && f->kind == FINDING_EXTRA) ||
@@ -185,7 +268,7 @@ static enum status make_edit(const struct judging_trial *t, int index, struct ed
                    short_name(out->plan.motion), world_edit_name(e->kind), e->amount, e->from_s, e->to_s, e->seconds,
                    c.score, c.similarity.correlation, out->invented,
                    edit_is_posture(e->kind) && !out->first_right ? ", first wrong" : "");
-            print_findings(&c);
+            print_findings(&c, &(struct truth){&c, e});
         }
     }
     comparison_free(&c);
@@ -303,7 +386,7 @@ static enum status make_repetitions(const struct judging_trial *t, int index, st
             printf("     %s, %.1f s, %d against %d times: %d and %d found, score %.0f, like %.2f\n",
                    short_name(t->motions.name[motion]), 2.0 * half / ATTEMPT_HZ, times[0], times[1], found[0], found[1],
                    c.score, c.similarity.correlation);
-            print_findings(&c);
+            print_findings(&c, NULL);
         }
     }
 done:
@@ -316,8 +399,9 @@ done:
 
 // ---------------------------------------------------------------- the table
 
-static const char *const columns[] = {"pairs",    "first_right_%", "kind_found_%", "mirrored_right_%", "no_posture_%",
-                                      "invented", "refused_%",     "score",        "score_97_%",       "count_right_%"};
+static const char *const columns[] = {"pairs",        "first_right_%", "kind_found_%", "mirrored_right_%",
+                                      "no_posture_%", "invented",      "refused_%",    "score",
+                                      "score_97_%",   "count_right_%", "sentences",    "true_%"};
 
 static enum status run_edits(struct bench *b, const struct judging_trial *t, int count)
 {
@@ -339,6 +423,8 @@ static enum status run_edits(struct bench *b, const struct judging_trial *t, int
                                 100 * !r.judged,
                                 r.score,
                                 kind == EDIT_NONE ? 100 * (r.score >= 97) : NAN,
+                                NAN,
+                                r.sentences,
                                 NAN};
         for (size_t k = 0; k < COUNT_OF(columns); k++)
             if (!isnan(value[k])) {
@@ -346,8 +432,10 @@ static enum status run_edits(struct bench *b, const struct judging_trial *t, int
                 of[k]++;
             }
     }
+    const double said = sum[10], invented = sum[5];
     for (size_t k = 1; k < COUNT_OF(columns); k++)
         sum[k] = of[k] > 0 ? sum[k] / of[k] : NAN;
+    sum[11] = said > 0 ? 100 * (1 - invented / said) : NAN;
     return status == OK ? bench_add_row(b, "edits", sum) : status;
 }
 
