@@ -7,7 +7,7 @@
 
 // Prices of alignment.h as mean squared chords of a part's direction. A frame is left out at an end where it is more
 // than 32 degrees off in every part, means aside; cheaper, and what is wrong would be left out instead of judged.
-// Getting into position is taken out afterwards (repetitions.h). A step that only one movement takes costs what 8
+// Getting into position is taken out afterwards (pace.h). A step that only one movement takes costs what 8
 // degrees do. By hand.
 static const double SKIP = 0.3, STEP = 0.02;
 // By hand: B is taken for a mirror image if that fits to 0.75 of the price, and B itself is worse than 8 degrees off.

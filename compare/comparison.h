@@ -2,6 +2,7 @@
 #pragma once
 #include "compare/expectation.h"
 #include "compare/movement.h"
+#include "compare/pace.h"
 #include "compare/repetitions.h"
 #include "compare/score.h"
 
