@@ -12,7 +12,7 @@
 // give the same result. Not under sanitizers, which interfere with the loader's choice, nor with clang 14, which
 // mangles the name.
 
-#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__x86_64__) && !defined(__clang__) && !defined(REENACT_SANITIZED)
 #define TARGET_CLONES __attribute__((target_clones("avx2", "ssse3", "default")))
 #else
 #define TARGET_CLONES

@@ -104,7 +104,7 @@ static void exit_process(int code, void *nothing)
 {
     (void)nothing;
     fflush(NULL);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // their reports are made by such handlers
+#ifndef REENACT_SANITIZED // their reports are made by such handlers
     _exit(code);
 #else
     (void)code;

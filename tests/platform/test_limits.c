@@ -107,13 +107,6 @@ static void test_lenses_that_cannot_be(void **state)
     }
 }
 
-// The address sanitizer's shadow memory needs more than any limit.
-#ifdef __SANITIZE_ADDRESS__
-enum { SHADOWED = 1 };
-#else
-enum { SHADOWED = 0 };
-#endif
-
 // Of this process, bytes; libraries alone take some hundred MB of addresses.
 static rlim_t addresses_in_use(void)
 {
@@ -160,7 +153,8 @@ static void test_pictures_above_the_limit(void **state)
     scratch_write(&scratch, "bomb.png", bytes, count);
     free(bytes);
     EXPECT_TRUE(!image_size_is_usable(16384, 16384) && image_size_is_usable(8192, 4096));
-    EXPECT_INT(SHADOWED ? read_bomb() : with_memory(192 << 20, read_bomb), 0);
+    // A sanitizer's shadow memory needs more than any limit.
+    EXPECT_INT(SANITIZED ? read_bomb() : with_memory(192 << 20, read_bomb), 0);
     // A chunk that claims 900 MB (an sPLT chunk of a file of 48 bytes).
     void *pixels;
     int width, height;

@@ -19,7 +19,7 @@
 #include <string.h>
 
 // Sanitizers slow films down five- to tenfold; they look at the code, not at how well it does: fewer films do for them.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef REENACT_SANITIZED
 enum { SANITIZED = 1 };
 #else
 enum { SANITIZED = 0 };
