@@ -324,6 +324,27 @@ static void leave_out_ends(struct timeline *timeline, int32_t a_count)
         timeline->reference[j] = NAN;
 }
 
+// What is missing in two places a third of a second apart or less is one piece: the alignment may rest on the way.
+static void join_missing(struct pace *pace)
+{
+    enum { NEAR = 10 }; // frames
+    int32_t kept = 0;
+    for (int32_t k = 0; k < pace->piece_count; k++) {
+        const struct piece *next = &pace->pieces[k];
+        struct piece *last = kept ? &pace->pieces[kept - 1] : NULL;
+        if (last && last->kind == PIECE_MISSING && next->kind == PIECE_MISSING && next->a_first - last->a_end <= NEAR &&
+            next->b_first - last->b_end <= NEAR) {
+            pace->missing += next->a_first - last->a_end;
+            last->a_end = next->a_end;
+            last->b_end = next->b_end;
+            last->turned_rad += next->turned_rad;
+        } else {
+            pace->pieces[kept++] = *next;
+        }
+    }
+    pace->piece_count = kept;
+}
+
 static enum status find_pieces(struct walk *walk)
 {
     struct pace *pace = walk->pace;
@@ -334,6 +355,7 @@ static enum status find_pieces(struct walk *walk)
         status = look_at_end(walk, pace->a_end, walk->a->count, pace->b_end);
     if (pace->piece_count)
         qsort(pace->pieces, (size_t)pace->piece_count, sizeof *pace->pieces, compare_pieces);
+    join_missing(pace);
     return status;
 }
 
