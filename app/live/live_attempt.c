@@ -103,6 +103,8 @@ static enum status read_takes(struct attempt_judge *judge)
     judge->counts = true;
     if (status == OK)
         status = expectation_of_take(judge->path, judge->names[0], &judge->part, &judge->expected, &notes);
+    if (notes.count)
+        snprintf(judge->attempt.note, sizeof judge->attempt.note, "%.199s", notes.line[0]);
     return status == OK ? joint_samples_read_take(judge->path, judge->names[1], &judge->attempt.samples) : status;
 }
 

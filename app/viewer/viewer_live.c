@@ -142,6 +142,8 @@ static enum status read_take(struct viewer_live *live, const char *name)
         status = expected_take_measure(live->shared->options.file, &live->reference, expecting, &spread);
     if (status == OK && spread.references)
         reference_spread_put(&spread, &expecting->expected);
+    if (status == OK && expecting->notes.count)
+        view_state_warn(&live->shared->state, expecting->notes.line[0], clock_now_ns());
     for (int g = 0; g < LIVE_GROUPS; g++)
         live->shared->state.live.counts[g] = group_parts(g) & (uint16_t)~expecting->expected.ignored;
     if (status == OK)
@@ -329,6 +331,8 @@ static void adopt_result(struct viewer_live *live, int64_t now_ns)
     live->shown = attempt;
     if (state->of_takes)
         look_at_front(live);
+    if (*attempt.note)
+        view_state_warn(&live->shared->state, attempt.note, now_ns);
     const struct joint_samples *s = &attempt.samples;
     const int64_t length_ns = s->count ? s->at[s->count - 1].time_ns : 0;
     const struct comparison *c = &attempt.comparison;

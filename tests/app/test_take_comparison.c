@@ -5,6 +5,7 @@
 #include "app/live/live_attempt.h"
 #include "base/clock.h"
 #include "platform/files/png.h"
+#include "recording/recorded_expectation.h"
 #include "tests/support/exercise.h"
 #include "tests/support/glass.h"
 #include "tests/support/recording_sample.h"
@@ -94,6 +95,27 @@ static void test_takes_are_compared_on_a_thread(void **state)
     EXPECT_TRUE(live_attempt_skeleton(&a, 1000000000, &skeleton));
     EXPECT_NEAR(live_attempt_reference(&a, 1000000000), 30, 3);
     comparison_free(&c);
+    live_attempt_free(&a);
+}
+
+// A further reference in which nobody was seen is left out, and it is said.
+static void test_what_is_expected_and_cannot_be_used_is_said(void **state)
+{
+    (void)state;
+    struct recording *r;
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    const int64_t teacher = recording_take_number(r, "teacher");
+    struct take_expectation expected = {.reference_count = 1, .reference = {recording_take_number(r, "nobody")}};
+    recording_free(&r);
+    EXPECT_STATUS(recorded_expectation_write(path, teacher, &expected), OK);
+    struct live_attempt a = compare("teacher", "pupil");
+    print_message("%s\n", a.note);
+    EXPECT_TRUE(a.compared && strstr(a.note, "'nobody' is left out"));
+    live_attempt_free(&a);
+    expected.reference_count = 0;
+    EXPECT_STATUS(recorded_expectation_write(path, teacher, &expected), OK);
+    a = compare("teacher", "pupil");
+    EXPECT_TRUE(a.compared && !*a.note);
     live_attempt_free(&a);
 }
 
@@ -261,8 +283,11 @@ int main(int argc, char **argv)
 {
     pictures = argc > 1 ? argv[1] : NULL;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_takes_are_compared_on_a_thread), cmocka_unit_test(test_what_cannot_be_compared_says_why),
-        cmocka_unit_test(test_two_takes_are_chosen_by_touch),  cmocka_unit_test(test_two_takes_are_chosen_by_keys),
+        cmocka_unit_test(test_takes_are_compared_on_a_thread),
+        cmocka_unit_test(test_what_is_expected_and_cannot_be_used_is_said),
+        cmocka_unit_test(test_what_cannot_be_compared_says_why),
+        cmocka_unit_test(test_two_takes_are_chosen_by_touch),
+        cmocka_unit_test(test_two_takes_are_chosen_by_keys),
         cmocka_unit_test(test_it_is_left_while_it_compares),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
