@@ -82,7 +82,6 @@ static void test_holds_with_noise_are_the_same(void **state)
     }
 }
 
-// Who stops early is told so, and neither hurried nor had smaller ranges.
 static bool finds(const struct comparison *c, enum finding_kind kind, const char *words)
 {
     for (int32_t k = 0; k < c->finding_count; k++)
@@ -91,27 +90,28 @@ static bool finds(const struct comparison *c, enum finding_kind kind, const char
     return false;
 }
 
+// One repetition that stands still half-way for so long; what is wrong is so between these times.
+static struct exercise with_pause(double pause_s, double wrong_from_s, double wrong_to_s)
+{
+    struct exercise out = exercise_default();
+    out.seconds = 3 + pause_s;
+    out.pause_at_s = 1.5;
+    out.pause_s = pause_s;
+    out.wrong_from_s = wrong_from_s;
+    out.wrong_to_s = wrong_to_s;
+    return out;
+}
+
 // Who stands and then moves a part elsewhere and back has added something, and is not blamed for how the part is held;
 // who goes further the way that the reference goes, too, is.
 static void test_what_is_done_in_a_pause_is_added(void **state)
 {
     (void)state;
-    struct exercise a = exercise_default();
-    a.seconds = 3;
-    struct exercise added = a;
-    added.seconds = 5;
-    added.pause_at_s = 1.5;
-    added.pause_s = 2;
-    added.wrong_from_s = 2;
-    added.wrong_to_s = 3;
-    struct exercise further = added, held = added;
+    const struct exercise a = with_pause(0, 0, 0);
+    struct exercise added = with_pause(2, 2, 3), further = with_pause(2, 1.6, 3.4), held = with_pause(2, 0, 6);
     added.turn_rad = 0.9;
     further.right_knee_rad = 0.6;
-    further.wrong_from_s = 1.6;
-    further.wrong_to_s = 3.4;
     held.left_elbow_rad = 0.6;
-    held.wrong_from_s = 0;
-    held.wrong_to_s = 6;
     struct comparison c = compare(&a, &added);
     print_comparison(&c);
     EXPECT_TRUE(finds(&c, FINDING_EXTRA, "the reference does not have"));
@@ -163,15 +163,9 @@ static void test_a_posture_is_no_lateness(void **state)
 static void test_most_of_it_was_added(void **state)
 {
     (void)state;
-    struct exercise a = exercise_default();
-    a.seconds = 3;
-    struct exercise b = a;
-    b.seconds = 5.5;
-    b.pause_at_s = 1.5;
-    b.pause_s = 2.5;
+    const struct exercise a = with_pause(0, 0, 0);
+    struct exercise b = with_pause(2.5, 2.2, 3.4);
     b.turn_rad = 1.2;
-    b.wrong_from_s = 2.2;
-    b.wrong_to_s = 3.4;
     struct comparison c = compare(&a, &b);
     print_comparison(&c);
     EXPECT_INT(c.relation, RELATION_PART);
@@ -179,6 +173,7 @@ static void test_most_of_it_was_added(void **state)
     comparison_free(&c);
 }
 
+// Who stops early is told so, and neither hurried nor had smaller ranges.
 static void test_only_a_part_was_done(void **state)
 {
     (void)state;
