@@ -14,8 +14,8 @@ struct expected_take {
 };
 
 // take NULL: the file's only or first one. reference: its movement. Where what is kept is damaged, or of a stretch
-// nothing is left, a note says so, and it is left out. ERR_MISSING, ERR_INPUT: no such take, or nobody was tracked in
-// it; else as recording_open and take_open. On failure *out is zeroed.
+// nothing is left, a note says so, and it is not used. ERR_MISSING, ERR_INPUT: no such take, or no person was tracked
+// in it; else as recording_open and take_open. On failure *out is zeroed.
 MUST_CHECK enum status expected_take_read(const char *path, const char *take, const struct movement *reference,
                                           struct expected_take *out);
 

@@ -13,7 +13,7 @@ struct live_attempt {
     struct joint_samples samples; // of the attempt, y down, times from 0
     int32_t first;                // frame of the whole reference at which comparison.a begins
     char why[200];
-    char note[200]; // what is expected of the reference and could not be used; "": nothing. Of takes alone
+    char note[200]; // one sentence: what is expected of the reference and cannot be used; "": none. Of takes alone
     // Over its time, in cells: the worst verdict of each of its own parts; ATTEMPT_NOT_ALIGNED where it is aligned with
     // nothing
     uint8_t strip[ATTEMPT_CELLS][PART_COUNT];

@@ -98,7 +98,7 @@ static void test_takes_are_compared_on_a_thread(void **state)
     live_attempt_free(&a);
 }
 
-// A further reference in which nobody was seen is left out, and it is said.
+// A further reference in which no person was tracked is not used, and it is said.
 static void test_what_is_expected_and_cannot_be_used_is_said(void **state)
 {
     (void)state;

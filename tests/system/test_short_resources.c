@@ -21,7 +21,7 @@ static struct process_result limited(const char *limit, const char *command)
 }
 
 // Was the program of the last limited() begun? Initialisers of libraries, which the loader runs before, throw or crash
-// for want of memory, and nobody can catch that.
+// for want of memory, which the program cannot catch.
 static bool reached_main(void)
 {
     return PROCESS("/usr/bin/bash", "-c", "grep -qs 'transferring control: .*/reenact' \"$0\"/loader.*", scratch.path)
