@@ -347,7 +347,6 @@ static enum status open_sensor(struct live_sensor *sensor)
                                                  .place = sensor->options.place,
                                                  .reference = sensor->options.reference,
                                                  .mirrored = sensor->options.mirrored,
-                                                 .expected = sensor->options.expected,
                                                  .finds_points = !sensor->options.no_body_points};
     pthread_mutex_lock(&sensor->player.worker.lock);
     sensor->state.film = sensor->player.film;

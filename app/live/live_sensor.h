@@ -18,15 +18,14 @@ enum { ATTEMPT_MAX_S = 600 };
 struct live_sensor;
 
 struct live_sensor_options {
-    const char *sensor;                 // URI; copied
-    const struct place *place;          // as in live_tracker_options
-    const struct movement *reference;   // as there
-    const struct movement *mirrored;    // as there
-    const struct expectation *expected; // as there, but must outlive the sensor
-    struct live_keeper *keeper;         // gets the frames of attempts; NULL: none. Must outlive the sensor
-    bool no_body_points;                // are looked for in colour images
-    bool every_frame;                   // a film leaves nothing out, for tests and measurements
-    void (*notify)(void *self);         // called whenever there is something new; may be NULL
+    const char *sensor;               // URI; copied
+    const struct place *place;        // as in live_tracker_options
+    const struct movement *reference; // as there
+    const struct movement *mirrored;  // as there
+    struct live_keeper *keeper;       // gets the frames of attempts; NULL: none. Must outlive the sensor
+    bool no_body_points;              // are looked for in colour images
+    bool every_frame;                 // a film leaves nothing out, for tests and measurements
+    void (*notify)(void *self);       // called whenever there is something new; may be NULL
     void *notify_self;
 };
 // ERR_MEMORY: *out is NULL. A sensor that cannot be opened is no error here: live_sensor_state.trouble says so.

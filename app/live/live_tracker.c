@@ -16,7 +16,6 @@ static const double UNKNOWN_HEIGHT_M = 1;
 struct live_tracker {
     struct calibration calibration;
     const struct movement *reference, *mirrored;
-    struct expectation expected[2]; // of `reference` and of `mirrored`
     struct follower *follower;
     struct live_judge *judge;   // NULL: no reference
     bool holds_world, is_level; // live_tracker_hold_world; the last frame's world was `level`, not the place
@@ -36,10 +35,6 @@ enum status live_tracker_open(struct live_tracker **out, const struct live_track
     t->calibration = *options->calibration;
     t->reference = options->reference;
     t->mirrored = options->mirrored;
-    if (options->expected) {
-        t->expected[0] = *options->expected;
-        t->expected[1] = expectation_mirror(options->expected);
-    }
     t->shown.end = t->reference ? t->reference->count : 0;
     struct follower_options follow = follower_default_options();
     follow.place = options->place;
@@ -47,8 +42,6 @@ enum status live_tracker_open(struct live_tracker **out, const struct live_track
     enum status status = follower_open(&t->follower, &t->calibration, &follow);
     if (status == OK && t->reference)
         status = live_judge_open(&t->judge, t->reference);
-    if (t->judge)
-        live_judge_set_expectation(t->judge, &t->expected[0]);
     if (status != OK)
         live_tracker_close(&t);
     *out = t;
@@ -72,9 +65,8 @@ void live_tracker_show(struct live_tracker *tracker, const struct live_shown *sh
         return;
     const bool mirrored = shown->mirrored && tracker->mirrored;
     live_judge_set_reference(tracker->judge, mirrored ? tracker->mirrored : tracker->reference);
-    tracker->expected[0].ignored = shown->ignored;
-    tracker->expected[1].ignored = expectation_mirror(&tracker->expected[0]).ignored;
-    live_judge_set_expectation(tracker->judge, &tracker->expected[mirrored]);
+    const struct expectation expected = mirrored ? expectation_mirror(&shown->expected) : shown->expected;
+    live_judge_set_expectation(tracker->judge, &expected);
     live_judge_set_window(tracker->judge, shown->first, shown->end);
 }
 

@@ -22,7 +22,6 @@ struct live_tracker_options {
     const struct place *place;             // to locate it in; NULL or empty: none. Must outlive the tracker
     const struct movement *reference;      // to judge by; NULL: only tracked. Must outlive the tracker
     const struct movement *mirrored;       // its mirror image; NULL: never judged by. Must outlive the tracker
-    const struct expectation *expected;    // what counts of `reference`; NULL: everything. Copied
     bool finds_points;                     // body points, in colour images, on a thread of their own
 };
 // ERR_INPUT: no usable depth lens. ERR_MEMORY. *out is then NULL.
@@ -32,8 +31,8 @@ void live_tracker_close(struct live_tracker **tracker); // NULL is fine; sets *t
 // Which of the reference's frames is shown to the person now, and among which theirs is looked for.
 struct live_shown {
     int32_t frame, first, end;
-    bool mirrored;    // judged by the mirror image
-    uint16_t ignored; // the reference's parts that do not matter, in place of those that were expected at first
+    bool mirrored;               // judged by the mirror image
+    struct expectation expected; // what counts of `reference`; at first everything
 };
 void live_tracker_show(struct live_tracker *tracker, const struct live_shown *shown);
 void live_tracker_restart_judge(struct live_tracker *tracker); // an attempt begins

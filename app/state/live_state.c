@@ -32,7 +32,7 @@ struct live_state live_state_start(bool has_camera)
                                .tempo = 1,
                                .ghost = true,
                                .hands_free = true,
-                               .counts = {true, true, true, true}};
+                               .counting.counts = {true, true, true, true}};
 }
 
 static void enter_phase(struct live_state *state, enum live_phase phase, int64_t now_ns)
@@ -41,7 +41,7 @@ static void enter_phase(struct live_state *state, enum live_phase phase, int64_t
     state->phase_ns = now_ns;
     state->end_ns = 0;
     state->waits = false;
-    state->reviewing = state->too_short = false;
+    state->reviewing = state->too_short = state->marks_asked = false;
     if (phase != LIVE_SUMMARY)
         state->at_ns = state->marked_from_ns;
 }
@@ -161,19 +161,57 @@ static void switch_counting(struct live_state *state, enum live_group group)
 {
     int others = 0;
     for (int g = 0; g < LIVE_GROUPS; g++)
-        others += g != (int)group && state->counts[g];
+        others += g != (int)group && state->counting.counts[g];
     if (!others)
         return;
-    state->counts[group] = !state->counts[group];
-    state->counts_changed = true;
+    state->counting.counts[group] = !state->counting.counts[group];
+    state->counting_changed = true;
+}
+
+// The next larger one, and after the largest none.
+static void next_tolerance(struct live_state *state, enum live_group group)
+{
+    static const double tolerances_deg[] = {5, 10, 20, 30};
+    double *now = &state->counting.tolerance_deg[group], next = 0;
+    for (int i = (int)COUNT_OF(tolerances_deg) - 1; i >= 0; i--)
+        if (tolerances_deg[i] > *now + 0.5)
+            next = tolerances_deg[i];
+    *now = next;
+    state->counting_changed = true;
+}
+
+bool live_state_is_marked(const struct live_state *state)
+{
+    return state->marked_from_ns > 0 || state->marked_to_ns < state->length_ns;
+}
+
+static void count_marked(struct live_state *state)
+{
+    state->marks_asked = !live_state_is_marked(state);
+    if (state->marks_asked)
+        return;
+    state->counting.from_ns = state->marked_from_ns;
+    state->counting.to_ns = state->marked_to_ns;
+    state->counting_changed = true;
+}
+
+static void count_all(struct live_state *state)
+{
+    state->counting_changed |= state->counting.to_ns > 0;
+    state->counting.from_ns = state->counting.to_ns = 0;
 }
 
 void live_state_do(struct live_state *state, enum live_action action, int64_t now_ns)
 {
     if (state->of_takes && action != LIVE_DO_BACK_STEP && action != LIVE_DO_ON_STEP)
         return; // there is nothing to do again, or to keep
+    state->marks_asked = false;
     if (action >= LIVE_DO_COUNT && action <= LIVE_DO_COUNT_LAST) {
         switch_counting(state, (enum live_group)(action - LIVE_DO_COUNT));
+        return;
+    }
+    if (action >= LIVE_DO_TOLERANCE && action <= LIVE_DO_TOLERANCE_LAST) {
+        next_tolerance(state, (enum live_group)(action - LIVE_DO_TOLERANCE));
         return;
     }
     switch (action) {
@@ -187,6 +225,8 @@ void live_state_do(struct live_state *state, enum live_action action, int64_t no
     case LIVE_DO_HANDS_FREE: state->hands_free = !state->hands_free; break;
     case LIVE_DO_MARK_FROM: set_part_mark(state, true); break;
     case LIVE_DO_MARK_TO: set_part_mark(state, false); break;
+    case LIVE_DO_COUNT_MARKED: count_marked(state); break;
+    case LIVE_DO_COUNT_ALL: count_all(state); break;
     case LIVE_DO_LOOP: state->loop = !state->loop; break;
     case LIVE_DO_MIRROR: mirror_actor(state, now_ns); break;
     case LIVE_DO_KEEP: state->keep_wanted |= state->phase == LIVE_SUMMARY; break;
@@ -402,6 +442,8 @@ const char *live_state_hint(const struct live_state *state)
         return state->sight.located
                    ? "The sensor recognised the room only now: you are shown in it from the next attempt on"
                    : "The sensor sees nothing of the room that was filmed, so you cannot be shown in it";
+    if (state->marks_asked)
+        return "Mark a part first: \"From here\" and \"To here\", while the actor moves";
     if (state->too_short)
         return "That was too short to be judged: go on for a second or more";
     if (state->phase == LIVE_READY)

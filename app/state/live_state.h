@@ -40,9 +40,20 @@ enum live_action {
     LIVE_DO_MIRROR,    // the actor left and right exchanged, or as recorded; an attempt that is being made begins again
     LIVE_DO_COUNT,     // + enum live_group: it counts or does not matter; one at least counts
     LIVE_DO_COUNT_LAST = LIVE_DO_COUNT + LIVE_GROUPS - 1,
-    LIVE_DO_KEEP,      // keep the last attempt as a take
-    LIVE_DO_BACK_STEP, // in the summary: play half a second earlier, or later
+    LIVE_DO_TOLERANCE, // + enum live_group: its next tolerance
+    LIVE_DO_TOLERANCE_LAST = LIVE_DO_TOLERANCE + LIVE_GROUPS - 1,
+    LIVE_DO_COUNT_MARKED, // only the marked part counts, whatever is done
+    LIVE_DO_COUNT_ALL,    // all of the take counts
+    LIVE_DO_KEEP,         // keep the last attempt as a take
+    LIVE_DO_BACK_STEP,    // in the summary: play half a second earlier, or later
     LIVE_DO_ON_STEP,
+};
+
+// What counts when the person is judged, by touch.
+struct live_counting {
+    bool counts[LIVE_GROUPS];          // false: does not matter
+    double tolerance_deg[LIVE_GROUPS]; // 0: none is given; < 0: the group's parts have different ones
+    int64_t from_ns, to_ns;            // only this stretch of the take counts; to_ns 0: all of it
 };
 
 // What the sensor says at an instant.
@@ -63,6 +74,7 @@ struct live_sight {
 enum { LIVE_ATTEMPTS = 32 };
 struct live_result {
     double score; // 0..100
+    double sigma; // of the score for the joints' errors, points; NaN: unknown
     double length_s;
     int findings;
     bool compared;    // false: no score: too little of the person was seen, or it is another movement
@@ -79,8 +91,8 @@ struct live_state {
     double tempo;
     bool over, ghost, loop, hands_free;
     bool mirrored;                        // the actor is shown, and the person judged, left and right exchanged
-    bool counts[LIVE_GROUPS];             // false: does not matter
-    bool counts_changed;                  // by touch; the owner takes it back
+    struct live_counting counting;        // what the owner says it is when a take is opened
+    bool counting_changed;                // by touch; the owner takes it back
     int64_t length_ns;                    // of the take
     int64_t marked_from_ns, marked_to_ns; // the part that is done: from 0 to length_ns where nothing is marked
     int64_t at_ns;                        // the actor's instant
@@ -102,7 +114,8 @@ struct live_state {
     int judged;                                // number of the last one that was
     struct live_result results[LIVE_ATTEMPTS]; // of the last attempts of this sitting, the newest last
     int result_count, results_ever;
-    bool too_short; // the last one was stopped within a second: neither judged nor counted
+    bool too_short;   // the last one was stopped within a second: neither judged nor counted
+    bool marks_asked; // the marked part was to be what counts, and there is none
     bool keep_wanted;
 
     bool reviewing;                       // a place of the attempt is played
@@ -110,6 +123,8 @@ struct live_state {
     int64_t review_length_ns;             // of the attempt
     struct orbit orbit;                   // of LIVE_BESIDE and of what is reviewed
 };
+
+bool live_state_is_marked(const struct live_state *state); // a part of the take, to be done alone
 
 // The tempos to choose from.
 enum { LIVE_TEMPOS = 5 };

@@ -331,7 +331,8 @@ bool live_action_of(enum view_action action, enum live_phase phase, enum live_ac
 {
     const bool summary = phase == LIVE_SUMMARY;
     const enum live_action step_on = phase == LIVE_READY ? LIVE_DO_MIRROR : LIVE_DO_MARK_TO;
-    if (action >= DO_COUNT && action <= DO_COUNT_LAST) {
+    static_assert(DO_COUNT_ALL - DO_COUNT == LIVE_DO_COUNT_ALL - LIVE_DO_COUNT, "in the same order");
+    if (action >= DO_COUNT && action <= DO_COUNT_ALL) {
         *out = (enum live_action)(LIVE_DO_COUNT + (action - DO_COUNT));
         return true;
     }
@@ -357,6 +358,7 @@ bool live_action_of(enum view_action action, enum live_phase phase, enum live_ac
     case DO_GHOST:
     case DO_SKELETON: *out = LIVE_DO_GHOST; return true;
     case DO_HANDS_FREE: *out = LIVE_DO_HANDS_FREE; return true;
+    case DO_SEE_START: *out = LIVE_DO_COUNT_ALL; return true;
     case DO_MARK_FROM: *out = LIVE_DO_MARK_FROM; return true;
     case DO_MARK_TO: *out = LIVE_DO_MARK_TO; return true;
     case DO_KEEP: *out = LIVE_DO_KEEP; return true;

@@ -111,6 +111,10 @@ enum view_action {
     DO_KEEP,
     DO_COUNT, // + enum live_group
     DO_COUNT_LAST = DO_COUNT + LIVE_GROUPS - 1,
+    DO_TOLERANCE, // + enum live_group
+    DO_TOLERANCE_LAST = DO_TOLERANCE + LIVE_GROUPS - 1,
+    DO_COUNT_MARKED,
+    DO_COUNT_ALL,
 };
 
 // What is known of the camera at an instant.

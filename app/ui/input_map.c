@@ -32,6 +32,11 @@ enum view_action input_map_key(int key, bool shift)
     case '3': return DO_SEE_BACK;
     case '4': return DO_SEE_ABOVE;
     case '0': return DO_SEE_START;
+    case '5': return (enum view_action)(DO_TOLERANCE + GROUP_HEAD);
+    case '6': return (enum view_action)(DO_TOLERANCE + GROUP_TRUNK);
+    case '7': return (enum view_action)(DO_TOLERANCE + GROUP_ARMS);
+    case '8': return (enum view_action)(DO_TOLERANCE + GROUP_LEGS);
+    case '9': return DO_COUNT_MARKED;
     case 'b': return DO_SKELETON;
     case 'x': return DO_SOURCES;
     case 'i': return DO_INSET;

@@ -42,7 +42,8 @@ struct ui_box layout_live_sheet(double width, double height)
 {
     const double marks = layout_live_marks(width, height) == MARKS_IN_SHEET ? sheet_buttons_height(1) : 0;
     const double w = fmin(SHEET_W, width - 2 * MARGIN),
-                 h = fmin(sheet_height_of(LIVE_ROWS) + marks + sheet_buttons_height(1), height - 2 * MARGIN);
+                 counting = 2 * sheet_buttons_height(1) + sheet_buttons_height(2), // how closely: in two rows
+        h = fmin(sheet_height_of(LIVE_ROWS) + marks + counting, height - 2 * MARGIN);
     return (struct ui_box){width - MARGIN - w, height - MARGIN - h, w, h};
 }
 

@@ -86,8 +86,7 @@ static bool has_marks(const struct brush *brush, const struct view_state *state)
 
 int live_mark_controls(const struct live_state *state, struct control out[2])
 {
-    const bool marked = state->marked_from_ns > 0 || state->marked_to_ns < state->length_ns;
-    const bool takes_back = state->phase == LIVE_READY && marked;
+    const bool takes_back = state->phase == LIVE_READY && live_state_is_marked(state);
     out[0] = (struct control){"live-mark-from", takes_back ? "All of it" : "From here", BUTTON_RAISED, DO_MARK_FROM};
     out[1] = (struct control){"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO};
     return takes_back ? 1 : 2;
@@ -118,15 +117,62 @@ static struct button_group sides_group(void)
                                  5};
 }
 
-static struct button_group counts_group(const struct live_state *state)
+static const char *const group_names[LIVE_GROUPS] = {"Head", "Trunk", "Arms", "Legs"};
+
+static struct button_group counts_group(const struct live_counting *state)
 {
-    static const char *const names[LIVE_GROUPS] = {"count-head", "count-trunk", "count-arms", "count-legs"},
-                             *const texts[LIVE_GROUPS] = {"Head", "Trunk", "Arms", "Legs"};
+    static const char *const names[LIVE_GROUPS] = {"count-head", "count-trunk", "count-arms", "count-legs"};
     struct button_group g = {.name = "What counts", .count = LIVE_GROUPS};
     for (int i = 0; i < LIVE_GROUPS; i++)
         g.controls[i] =
-            (struct control){names[i], texts[i], state->counts[i] ? BUTTON_ON : BUTTON_RAISED, DO_COUNT + i};
+            (struct control){names[i], group_names[i], state->counts[i] ? BUTTON_ON : BUTTON_RAISED, DO_COUNT + i};
     return g;
+}
+
+// A touch takes the next one. texts: of the buttons, borrowed by the group.
+static struct button_group tolerances_group(const struct live_counting *counting, char texts[LIVE_GROUPS][24])
+{
+    static const char *const names[LIVE_GROUPS] = {"within-head", "within-trunk", "within-arms", "within-legs"};
+    struct button_group g = {.name = "How closely", .count = LIVE_GROUPS};
+    for (int i = 0; i < LIVE_GROUPS; i++) {
+        const double deg = counting->tolerance_deg[i];
+        const bool given = deg > 0;
+        if (given)
+            snprintf(texts[i], sizeof texts[i], "%s %.3g°", group_names[i], deg);
+        else
+            snprintf(texts[i], sizeof texts[i], "%s %s", group_names[i], deg < 0 ? "varied" : "usual");
+        g.controls[i] = (struct control){names[i], texts[i], given ? BUTTON_ON : BUTTON_RAISED, DO_TOLERANCE + i};
+    }
+    return g;
+}
+
+// name: the group's, borrowed by it.
+static struct button_group stretch_group(const struct live_counting *counting, char name[64])
+{
+    const bool all = counting->to_ns <= 0;
+    snprintf(name, 64, "All of it counts");
+    if (!all)
+        snprintf(name, 64, "Only %.1f s to %.1f s counts", (double)counting->from_ns * 1e-9,
+                 (double)counting->to_ns * 1e-9);
+    return (struct button_group){name,
+                                 {{"count-marked", "Only the marked part", BUTTON_RAISED, DO_COUNT_MARKED},
+                                  {"count-all", "All of it", BUTTON_RAISED, DO_COUNT_ALL}},
+                                 all ? 1 : 2};
+}
+
+// What stands after the switches, with its texts.
+struct last_groups {
+    struct button_group group[3];
+    int count;
+    char tolerances[LIVE_GROUPS][24], stretch[64];
+};
+
+static void fill_counting(struct last_groups *last, const struct live_counting *counting)
+{
+    last->group[0] = counts_group(counting);
+    last->group[1] = tolerances_group(counting, last->tolerances);
+    last->group[2] = stretch_group(counting, last->stretch);
+    last->count = 3;
 }
 
 // What stands before the switches: for what moves meanwhile, and may be wanted again and again. Count 0: nothing.
@@ -187,9 +233,13 @@ static void rows_draw(const struct brush *brush, struct screens *screens, struct
 {
     const bool developer = state->developer && state->sheet == SHEET_LAYERS;
     const struct button_group first = first_group(brush, state);
-    const struct button_group last = state->sheet == SHEET_LIVE ? counts_group(&state->live) : (struct button_group){0};
-    const double first_h = group_height(brush, &first, in.w), last_h = group_height(brush, &last, in.w),
-                 content_h = sheet_rows_height(count + developer) + first_h + last_h;
+    struct last_groups last = {.count = 0};
+    if (state->sheet == SHEET_LIVE)
+        fill_counting(&last, &state->live.counting);
+    const double first_h = group_height(brush, &first, in.w);
+    double content_h = sheet_rows_height(count + developer) + first_h;
+    for (int i = 0; i < last.count; i++)
+        content_h += group_height(brush, &last.group[i], in.w);
     struct scroll *scroll = &screens->sheet;
     scroll->at += state->list_steps * SHEET_ROW;
     state->list_steps = 0;
@@ -205,9 +255,12 @@ static void rows_draw(const struct brush *brush, struct screens *screens, struct
             view_state_do(state, rows[i].action, now_ns);
         more += y + SHEET_ROW > in.y + in.h + 1;
     }
-    if (last.count)
-        group_draw(&inside, state, &last, (struct ui_box){in.x, y, in.w, last_h}, now_ns);
-    y += last_h;
+    for (int i = 0; i < last.count; i++) {
+        const double h = group_height(brush, &last.group[i], in.w);
+        group_draw(&inside, state, &last.group[i], (struct ui_box){in.x, y, in.w, h}, now_ns);
+        y += h;
+        more += y > in.y + in.h + 1;
+    }
     y += text_size_row(&inside, state, (struct ui_box){in.x, y, in.w, SHEET_ROW}, now_ns);
     more += y > in.y + in.h + 1;
     if (developer) {

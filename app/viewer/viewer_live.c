@@ -1,5 +1,6 @@
 // The viewer's part for doing the move beside the actor.
 #include "app/live/live_attempt.h"
+#include "app/live/live_expectation.h"
 #include "app/live/live_picture.h"
 #include "app/live/live_sensor.h"
 #include "app/ui/screen_live.h"
@@ -87,36 +88,21 @@ static const struct movement *reference_of(const struct viewer_live *live, bool 
 
 // ---------------------------------------------------------------- opening
 
-static uint16_t group_parts(int group)
+// What was touched.
+static void take_counting(struct viewer_live *live)
 {
-    static const uint16_t parts[LIVE_GROUPS] = {
-        [GROUP_HEAD] = 1u << PART_HEAD,
-        [GROUP_TRUNK] = 1u << PART_UPPER_TORSO | 1u << PART_LOWER_TORSO,
-        [GROUP_ARMS] =
-            1u << PART_LEFT_UPPER_ARM | 1u << PART_LEFT_FOREARM | 1u << PART_RIGHT_UPPER_ARM | 1u << PART_RIGHT_FOREARM,
-        [GROUP_LEGS] = 1u << PART_LEFT_THIGH | 1u << PART_LEFT_SHIN | 1u << PART_RIGHT_THIGH | 1u << PART_RIGHT_SHIN,
-    };
-    return parts[group];
-}
-
-// What was switched by touch. Of a group that counts in part, nothing changes until it is switched.
-static void take_counts(struct viewer_live *live)
-{
-    struct expectation *e = &live->expecting.expected;
     struct live_state *s = &live->shared->state.live;
-    for (int g = 0; g < LIVE_GROUPS && s->counts_changed; g++) {
-        const uint16_t parts = group_parts(g);
-        if (!s->counts[g])
-            e->ignored |= parts;
-        else if ((e->ignored & parts) == parts)
-            e->ignored &= (uint16_t)~parts;
-    }
-    live->unkept = live->unkept || s->counts_changed;
-    s->counts_changed = false;
+    struct expectation *expected = &live->expecting.expected;
+    if (!s->counting_changed)
+        return;
+    s->counting_changed = false;
+    live_counting_apply(&s->counting, live->offset_ns, live->expecting.seconds, expected);
+    s->counting = live_counting_of(expected, live->offset_ns);
+    live->unkept = true;
 }
 
 // Beside the take, for the next time; where the file cannot be written, it held for this time.
-static void keep_counts(struct viewer_live *live)
+static void keep_counting(struct viewer_live *live)
 {
     struct expected_take *e = &live->expecting;
     if (!live->unkept)
@@ -144,8 +130,6 @@ static enum status read_take(struct viewer_live *live, const char *name)
         reference_spread_put(&spread, &expecting->expected);
     if (status == OK && expecting->notes.count)
         view_state_warn(&live->shared->state, expecting->notes.line[0], clock_now_ns());
-    for (int g = 0; g < LIVE_GROUPS; g++)
-        live->shared->state.live.counts[g] = group_parts(g) & (uint16_t)~expecting->expected.ignored;
     if (status == OK)
         status = take_open(&take, live->shared->recording, name);
     if (status != OK)
@@ -155,12 +139,13 @@ static enum status read_take(struct viewer_live *live, const char *name)
     if (first >= 0)
         live->offset_ns = take_entry(take, first)->time_ns - take_entry(take, 0)->time_ns;
     take_close(&take);
+    live->shared->state.live.counting = live_counting_of(&expecting->expected, live->offset_ns);
     return OK;
 }
 
 static void close_take(struct viewer_live *live)
 {
-    keep_counts(live);
+    keep_counting(live);
     live_sensor_close(&live->sensor);
     live_keeper_close(&live->keeper);
     attempt_judge_close(&live->judge);
@@ -188,7 +173,6 @@ enum status viewer_live_open_take(struct viewer_live *live, const char *take)
                                             .place = place,
                                             .reference = &live->reference,
                                             .mirrored = &live->mirrored,
-                                            .expected = &live->expecting.expected,
                                             .keeper = live->keeper,
                                             .no_body_points = live->shared->options.no_body_points,
                                             .every_frame = live->shared->options.every_frame,
@@ -338,6 +322,7 @@ static void adopt_result(struct viewer_live *live, int64_t now_ns)
     const struct comparison *c = &attempt.comparison;
     const struct live_result result = {.worst_ns = c->finding_count ? finding_moment_ns(c, &c->findings[0]) : 0,
                                        .score = c->score,
+                                       .sigma = c->score_sigma,
                                        .length_s = (double)length_ns * 1e-9,
                                        .findings = attempt.comparison.finding_count,
                                        .compared = attempt.compared && c->relation == RELATION_SAME};
@@ -399,7 +384,7 @@ void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
     struct live_state *s = &live->shared->state.live;
     if (!live->sensor)
         return;
-    take_counts(live);
+    take_counting(live);
     if (s->finished != live->finished) {
         live->finished = s->finished;
         if (!s->of_takes)
@@ -416,7 +401,7 @@ void viewer_live_after_tick(struct viewer_live *live, int64_t now_ns)
                                              .first = behind > live->first ? behind : live->first,
                                              .end = ahead < live->end ? ahead : live->end,
                                              .mirrored = s->mirrored,
-                                             .ignored = live->expecting.expected.ignored}};
+                                             .expected = live->expecting.expected}};
     live_sensor_wish(live->sensor, &wish);
     if (s->keep_wanted) {
         s->keep_wanted = false;

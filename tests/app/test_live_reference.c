@@ -2,9 +2,12 @@
 #include "tests/support/test.h"
 
 #include "app/live/live_attempt.h"
+#include "app/live/live_expectation.h"
 #include "base/clock.h"
 #include "compare/live_judge.h"
 #include "tests/support/exercise.h"
+
+static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 
 static struct rng rng = {5};
 
@@ -154,12 +157,50 @@ static void test_attempts_are_judged_by_the_mirrored_actor(void **state)
     close_reference(&r);
 }
 
+// Groups touched on the screen against single parts: what is not touched stays as it is, also where it is finer.
+static void test_what_is_touched_is_expected(void **state)
+{
+    (void)state;
+    const int64_t offset_ns = 200000000;
+    const double seconds = 4;
+    struct expectation e = {.ignored = 1 << PART_LEFT_SHIN, .from_s = 0.5, .to_s = 3};
+    e.tolerance_rad[PART_RIGHT_FOREARM] = 0.2;
+    const struct expectation before = e;
+    struct live_counting c = live_counting_of(&e, offset_ns);
+    EXPECT_TRUE(c.counts[GROUP_LEGS] && c.counts[GROUP_ARMS]);
+    EXPECT_TRUE(c.tolerance_deg[GROUP_ARMS] < 0);
+    EXPECT_NEAR(c.tolerance_deg[GROUP_LEGS], 0, 1e-9);
+    EXPECT_INT(c.from_ns, 700000000);
+    EXPECT_INT(c.to_ns, 3200000000);
+    live_counting_apply(&c, offset_ns, seconds, &e);
+    EXPECT_TRUE(!memcmp(&e, &before, sizeof e));
+
+    c.counts[GROUP_HEAD] = false;
+    c.tolerance_deg[GROUP_TRUNK] = 20;
+    c.from_ns = 0; // before the first frame in which a person is
+    c.to_ns = 9000000000;
+    live_counting_apply(&c, offset_ns, seconds, &e);
+    EXPECT_INT(e.ignored, 1 << PART_LEFT_SHIN | 1 << PART_HEAD);
+    EXPECT_NEAR(e.tolerance_rad[PART_UPPER_TORSO] * RAD, 20, 1e-9);
+    EXPECT_NEAR(e.tolerance_rad[PART_RIGHT_FOREARM], 0.2, 1e-9);
+    EXPECT_NEAR(e.from_s, 0, 1e-9);
+    EXPECT_NEAR(e.to_s, seconds, 1e-9);
+
+    c = live_counting_of(&e, offset_ns);
+    c.tolerance_deg[GROUP_ARMS] = 0;
+    c.from_ns = c.to_ns = 0;
+    live_counting_apply(&c, offset_ns, seconds, &e);
+    EXPECT_NEAR(e.tolerance_rad[PART_RIGHT_FOREARM], 0, 1e-9);
+    EXPECT_NEAR(e.to_s, 0, 1e-9);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_frames_are_judged_by_the_mirrored_actor),
         cmocka_unit_test(test_attempts_are_judged_by_the_mirrored_actor),
         cmocka_unit_test(test_attempts_are_judged_by_what_is_expected),
+        cmocka_unit_test(test_what_is_touched_is_expected),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

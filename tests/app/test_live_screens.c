@@ -19,6 +19,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
+
 enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT, FRAMES = 54 }; // FRAMES: the arms are out
 
 static struct live_rehearsal rehearsal;
@@ -114,7 +116,7 @@ static void test_the_actor_mirrored_is_the_reference(void **state)
 
 // ---------------------------------------------------------------- what counts
 
-static uint16_t kept_ignored(void)
+static struct take_expectation take_back_expectation(void)
 {
     struct recording *r;
     struct take *take;
@@ -127,10 +129,10 @@ static uint16_t kept_ignored(void)
     recording_free(&r);
     // for the tests that follow
     EXPECT_STATUS(recorded_expectation_write(rehearsal.file, number, &(struct take_expectation){.ignored = 0}), OK);
-    return kept.ignored;
+    return kept;
 }
 
-// Arms that do not matter, by touch: not coloured, not in the summary, and kept for the next time.
+// Arms that do not matter, by touch: not coloured, not in the summary, and kept for the next time, as are tolerances.
 static void test_what_does_not_matter_is_not_judged(void **state)
 {
     (void)state;
@@ -140,14 +142,21 @@ static void test_what_does_not_matter_is_not_judged(void **state)
     live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
     live_glass_draw_until(&g, live_glass_sees_person);
     view_state_do(g.state, (enum view_action)(DO_COUNT + GROUP_ARMS), glass_now_ns(&g));
+    for (int i = 0; i < 3; i++)
+        view_state_do(g.state, (enum view_action)(DO_TOLERANCE + GROUP_LEGS), glass_now_ns(&g));
     const struct live_tally t = live_glass_do_attempt(&g);
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     EXPECT_INT(t.different[PART_RIGHT_FOREARM], 0);
     EXPECT_TRUE(viewer_live_view(g.viewer).attempt->compared);
     EXPECT_INT(viewer_live_view(g.viewer).attempt->comparison.by.ignored, arms);
     EXPECT_TRUE(!live_glass_finds(&g, "elbow") && !live_glass_finds(&g, "orearm"));
+    EXPECT_NEAR(viewer_live_view(g.viewer).attempt->comparison.expected.tolerance_rad[PART_LEFT_SHIN] * RAD, 20, 1e-9);
     glass_close(&g);
-    EXPECT_INT(kept_ignored(), arms);
+    const struct take_expectation kept = take_back_expectation();
+    EXPECT_INT(kept.ignored, arms);
+    EXPECT_NEAR(kept.tolerance_rad[PART_LEFT_SHIN] * RAD, 20, 1e-9);
+    EXPECT_NEAR(kept.tolerance_rad[PART_HEAD], 0, 1e-9);
+    EXPECT_INT(kept.to_ns, 0);
 }
 
 // ---------------------------------------------------------------- through OpenNI2

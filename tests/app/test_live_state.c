@@ -381,14 +381,61 @@ static void test_what_counts_is_switched(void **state)
     enum live_action action;
     EXPECT_TRUE(live_action_of((enum view_action)(DO_COUNT + GROUP_ARMS), LIVE_READY, &action));
     live_state_do(&t.s, action, t.now_ns);
-    EXPECT_TRUE(!t.s.counts[GROUP_ARMS] && t.s.counts[GROUP_HEAD] && t.s.counts_changed);
+    EXPECT_TRUE(!t.s.counting.counts[GROUP_ARMS] && t.s.counting.counts[GROUP_HEAD] && t.s.counting_changed);
     live_state_do(&t.s, action, t.now_ns);
-    EXPECT_TRUE(t.s.counts[GROUP_ARMS]);
+    EXPECT_TRUE(t.s.counting.counts[GROUP_ARMS]);
     for (int g = 0; g < LIVE_GROUPS; g++)
         live_state_do(&t.s, (enum live_action)(LIVE_DO_COUNT + g), t.now_ns);
-    EXPECT_TRUE(t.s.counts[LIVE_GROUPS - 1]);
+    EXPECT_TRUE(t.s.counting.counts[LIVE_GROUPS - 1]);
     for (int g = 0; g + 1 < LIVE_GROUPS; g++)
-        EXPECT_TRUE(!t.s.counts[g]);
+        EXPECT_TRUE(!t.s.counting.counts[g]);
+}
+
+// Each touch takes the next tolerance, after the largest none again; what was given otherwise goes on from there.
+static void test_tolerances_go_round(void **state)
+{
+    (void)state;
+    static const double wanted_deg[] = {5, 10, 20, 30, 0, 5};
+    struct sitting t = begin();
+    enum live_action action;
+    EXPECT_TRUE(live_action_of((enum view_action)(DO_TOLERANCE + GROUP_LEGS), LIVE_READY, &action));
+    for (size_t i = 0; i < COUNT_OF(wanted_deg); i++) {
+        live_state_do(&t.s, action, t.now_ns);
+        EXPECT_NEAR(t.s.counting.tolerance_deg[GROUP_LEGS], wanted_deg[i], 1e-9);
+    }
+    EXPECT_TRUE(t.s.counting_changed);
+    EXPECT_NEAR(t.s.counting.tolerance_deg[GROUP_ARMS], 0, 1e-9);
+    t.s.counting.tolerance_deg[GROUP_LEGS] = 12;
+    live_state_do(&t.s, action, t.now_ns);
+    EXPECT_NEAR(t.s.counting.tolerance_deg[GROUP_LEGS], 20, 1e-9);
+    t.s.counting.tolerance_deg[GROUP_LEGS] = -1; // varied
+    live_state_do(&t.s, action, t.now_ns);
+    EXPECT_NEAR(t.s.counting.tolerance_deg[GROUP_LEGS], 5, 1e-9);
+}
+
+// The marked part counts alone from then on, also when the marks are taken back; without marks a sentence says how.
+static void test_the_marked_part_counts(void **state)
+{
+    (void)state;
+    struct sitting t = begin();
+    enum live_action marked, all;
+    EXPECT_TRUE(live_action_of(DO_COUNT_MARKED, LIVE_READY, &marked));
+    EXPECT_TRUE(live_action_of(DO_COUNT_ALL, LIVE_READY, &all));
+    t.s.sight.seeing = true;
+    live_state_do(&t.s, marked, t.now_ns);
+    EXPECT_TRUE(!t.s.counting_changed);
+    EXPECT_TRUE(strstr(live_state_hint(&t.s), "Mark a part"));
+    t.s.marked_from_ns = 1000000000;
+    t.s.marked_to_ns = 2500000000;
+    live_state_do(&t.s, marked, t.now_ns);
+    EXPECT_TRUE(t.s.counting_changed);
+    EXPECT_TRUE(!strstr(live_state_hint(&t.s), "Mark a part"));
+    live_state_do(&t.s, LIVE_DO_MARK_FROM, t.now_ns); // where nothing moves: takes the marks back
+    EXPECT_TRUE(!live_state_is_marked(&t.s));
+    EXPECT_INT(t.s.counting.from_ns, 1000000000);
+    EXPECT_INT(t.s.counting.to_ns, 2500000000);
+    live_state_do(&t.s, all, t.now_ns);
+    EXPECT_INT(t.s.counting.to_ns, 0);
 }
 
 static void test_screens_without_and_with_a_camera(void **state)
@@ -410,7 +457,7 @@ static void test_pad_and_keys_reach_everything(void **state)
 {
     (void)state;
     bool reached[LIVE_DO_ON_STEP + 1] = {0};
-    for (int a = 0; a <= DO_KEEP; a++)
+    for (int a = 0; a <= DO_COUNT_ALL; a++)
         for (int phase = LIVE_READY; phase <= LIVE_SUMMARY; phase++) {
             enum live_action action;
             if (live_action_of((enum view_action)a, (enum live_phase)phase, &action))
@@ -460,6 +507,8 @@ int main(void)
         cmocka_unit_test(test_progress_keeps_the_last_attempts),
         cmocka_unit_test(test_actor_is_mirrored),
         cmocka_unit_test(test_what_counts_is_switched),
+        cmocka_unit_test(test_tolerances_go_round),
+        cmocka_unit_test(test_the_marked_part_counts),
         cmocka_unit_test(test_screens_without_and_with_a_camera),
         cmocka_unit_test(test_pad_and_keys_reach_everything),
         cmocka_unit_test(test_page_of_the_view_state),
