@@ -114,7 +114,9 @@ static void free_features(struct feature_frame *frames[2])
 
 // The alignment of what counts, its timeline, which repetitions belong together, and the timeline of these; all in
 // frames of what counts.
-static enum status align_counted(struct comparison *comparison, struct timeline *repeated)
+// within: of A's frames, as in performances_judge.
+static enum status align_counted(struct comparison *comparison, const struct repetition_span *within,
+                                 struct timeline *repeated)
 {
     const struct movement of[2] = {counted_frames(&comparison->a, comparison->counted_a),
                                    counted_frames(&comparison->judged, comparison->counted_b)};
@@ -130,8 +132,9 @@ static enum status align_counted(struct comparison *comparison, struct timeline 
     for (int k = 0; k < 2 && status == OK; k++)
         status = movement_features(&of[k], comparison->parts, NULL, &plain[k]);
     const struct performed sides[2] = {{&of[0], a, plain[0]}, {&of[1], b, plain[1]}};
+    const struct performance_terms terms = {&prices, &comparison->by, within};
     if (status == OK)
-        status = performances_judge(sides, &prices, &comparison->by, repeated, &comparison->repetitions);
+        status = performances_judge(sides, &terms, repeated, &comparison->repetitions);
     free_features(frames);
     free_features(plain);
     return status;
@@ -163,37 +166,6 @@ static enum status count_stretch(struct comparison *comparison)
                       e->from_s, e->to_s, count / MOVEMENT_RATE_HZ);
 }
 
-// What of the attempt shows the stretch, by the alignment of both as wholes: the attempt may hold the whole movement or
-// the stretch alone. Where none of it does, all of the attempt is held against the stretch.
-static enum status find_stretch(struct comparison *comparison)
-{
-    const struct movement of[2] = {comparison->a, comparison->judged};
-    const struct repetition_span wanted = comparison->counted_a;
-    struct feature_frame *frames[2] = {NULL, NULL};
-    struct alignment whole = {0};
-    enum { FEWEST = 5 }; // frames that are a stretch of the attempt
-    int32_t first = -1, end = 0;
-    double unit = 0;
-    if (wanted.first == 0 && wanted.end == comparison->a.count)
-        return OK;
-    enum status status = make_features(of, comparison->parts, &unit, frames);
-    const struct features a = {frames[0], of[0].count}, b = {frames[1], of[1].count};
-    const struct alignment_prices prices = prices_of(unit);
-    if (status == OK)
-        status = align(&a, &b, &prices, &whole);
-    for (int32_t k = 0; k < whole.count; k++) {
-        if (whole.pairs[k].a < wanted.first || whole.pairs[k].a >= wanted.end)
-            continue;
-        first = first < 0 ? whole.pairs[k].b : first;
-        end = whole.pairs[k].b + 1;
-    }
-    if (end - first >= FEWEST)
-        comparison->counted_b = (struct repetition_span){first, end};
-    alignment_free(&whole);
-    free_features(frames);
-    return status;
-}
-
 // Into frames of the whole attempt, of which what does not count is aligned with nothing, and of the whole reference.
 static enum status widen_timeline(const struct comparison *comparison, struct timeline *timeline)
 {
@@ -212,13 +184,17 @@ static enum status widen_timeline(const struct comparison *comparison, struct ti
     return OK;
 }
 
-static enum status align_all(struct comparison *comparison, struct timeline *repeated)
+static void forget_alignment(struct comparison *comparison, struct timeline *repeated)
 {
-    enum status status = find_stretch(comparison);
-    if (status == OK)
-        status = align_counted(comparison, repeated);
-    if (status != OK || counts_all(comparison))
-        return status;
+    alignment_free(&comparison->alignment);
+    timeline_free(&comparison->timeline);
+    timeline_free(repeated);
+    performances_free(&comparison->repetitions);
+}
+
+// Frames of what counts into frames of the wholes.
+static enum status widen_alignment(struct comparison *comparison, struct timeline *repeated)
+{
     const int32_t a = comparison->counted_a.first, b = comparison->counted_b.first;
     for (int32_t k = 0; k < comparison->alignment.count; k++) {
         comparison->alignment.pairs[k].a += a;
@@ -229,8 +205,64 @@ static enum status align_all(struct comparison *comparison, struct timeline *rep
         p->reference = (struct repetition_span){p->reference.first + a, p->reference.end + a};
         p->attempt = (struct repetition_span){p->attempt.first + b, p->attempt.end + b};
     }
-    status = widen_timeline(comparison, &comparison->timeline);
+    const enum status status = widen_timeline(comparison, &comparison->timeline);
     return status == OK ? widen_timeline(comparison, repeated) : status;
+}
+
+// What of the attempt shows the stretch, by the alignment of the wholes. All of it where nothing does.
+static struct repetition_span find_shown(const struct comparison *comparison, struct repetition_span wanted)
+{
+    enum { FEWEST = 5 }; // frames that are a stretch of the attempt
+    int32_t first = -1, end = 0;
+    for (int32_t k = 0; k < comparison->alignment.count; k++) {
+        const struct alignment_pair *pair = &comparison->alignment.pairs[k];
+        if (pair->a < wanted.first || pair->a >= wanted.end)
+            continue;
+        first = first < 0 ? pair->b : first;
+        end = pair->b + 1;
+    }
+    return end - first >= FEWEST ? (struct repetition_span){first, end}
+                                 : (struct repetition_span){0, comparison->judged.count};
+}
+
+// Of the wholes, in whose frames it is, only what shows the stretch remains.
+static void mask_timeline(struct timeline *timeline, struct repetition_span wanted)
+{
+    for (int32_t f = 0; f < timeline->count; f++)
+        if (timeline->reference[f] < (float)wanted.first || timeline->reference[f] > (float)(wanted.end - 1))
+            timeline->reference[f] = NAN;
+}
+
+// The attempt may hold the whole movement, several times where the reference has it once, or as often as the
+// reference, where the stretch is in its place among these; or the stretch alone, once or several times.
+static enum status align_stretch(struct comparison *comparison, struct timeline *repeated)
+{
+    const struct repetition_span wanted = comparison->counted_a;
+    comparison->counted_a = (struct repetition_span){0, comparison->a.count};
+    enum status status = align_counted(comparison, &wanted, repeated);
+    const struct repetition_span shown = find_shown(comparison, wanted);
+    const int32_t count = comparison->repetitions.count;
+    if (status == OK && count && count != comparison->repetitions.all_references) {
+        mask_timeline(&comparison->timeline, wanted);
+        comparison->counted_a = wanted;
+        return OK;
+    }
+    comparison->counted_a = wanted;
+    if (status == OK && !count) {
+        forget_alignment(comparison, repeated);
+        status = align_counted(comparison, NULL, repeated);
+    }
+    if (status == OK && (count || comparison->repetitions.count < 2)) {
+        forget_alignment(comparison, repeated);
+        comparison->counted_b = shown;
+        status = align_counted(comparison, NULL, repeated);
+    }
+    return status == OK ? widen_alignment(comparison, repeated) : status;
+}
+
+static enum status align_all(struct comparison *comparison, struct timeline *repeated)
+{
+    return counts_all(comparison) ? align_counted(comparison, NULL, repeated) : align_stretch(comparison, repeated);
 }
 
 enum { COARSE = 4 }; // every so manieth frame decides about mirroring

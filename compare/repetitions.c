@@ -645,13 +645,8 @@ static void forget_uncovered(struct side *side)
         repetition_list_free(&side->list);
 }
 
-struct judging {
-    const struct alignment_prices *prices;
-    const struct tolerances *by;
-};
-
 // The alignment of two performances, and what they have in common.
-static enum status judge_pair(const struct side *a, const struct side *b, const struct judging *judging,
+static enum status judge_pair(const struct side *a, const struct side *b, const struct performance_terms *judging,
                               struct performance *out, struct alignment *x)
 {
     const struct movement ma = movement_piece(a->movement, out->reference),
@@ -684,7 +679,35 @@ static enum status put_timeline(const struct side *a, const struct side *b, cons
     return status;
 }
 
-static enum status judge_repetition(const struct side *a, const struct side *b, const struct judging *judging,
+static struct repetition_span common_span(struct repetition_span a, struct repetition_span b)
+{
+    const int32_t first = a.first > b.first ? a.first : b.first, end = a.end < b.end ? a.end : b.end;
+    return (struct repetition_span){first, end > first ? end : first};
+}
+
+// Down to what counts; *x is aligned anew. NOTHING: this repetition shows none of it.
+static enum status cut_performance(const struct side *a, const struct side *b, const struct performance_terms *judging,
+                                   struct performance *performance, struct alignment *x)
+{
+    enum { FEWEST = 5 }; // frames that are a stretch
+    const struct repetition_span wanted = common_span(performance->reference, *judging->within);
+    struct performance cut = {.reference = wanted, .attempt = {-1, 0}};
+    for (int32_t k = 0; k < x->count; k++) {
+        const int32_t at = performance->reference.first + x->pairs[k].a,
+                      shown = performance->attempt.first + x->pairs[k].b;
+        if (at < wanted.first || at >= wanted.end)
+            continue;
+        cut.attempt.first = cut.attempt.first < 0 ? shown : cut.attempt.first;
+        cut.attempt.end = shown + 1;
+    }
+    if (cut.attempt.end - cut.attempt.first < FEWEST || wanted.end - wanted.first < FEWEST)
+        return NOTHING;
+    alignment_free(x);
+    *performance = cut;
+    return judge_pair(a, b, judging, performance, x);
+}
+
+static enum status judge_repetition(const struct side *a, const struct side *b, const struct performance_terms *judging,
                                     struct performance *best, struct timeline *timeline, struct pair_sums *sums)
 {
     const int32_t references = a->list.count < MAX_REFERENCES ? a->list.count : MAX_REFERENCES;
@@ -702,6 +725,8 @@ static enum status judge_repetition(const struct side *a, const struct side *b, 
         }
         alignment_free(&x);
     }
+    if (status == OK && judging->within)
+        status = cut_performance(a, b, judging, best, &of_best);
     if (status == OK) {
         const struct movement ma = movement_piece(a->movement, best->reference),
                               mb = movement_piece(b->movement, best->attempt);
@@ -712,7 +737,7 @@ static enum status judge_repetition(const struct side *a, const struct side *b, 
     return status;
 }
 
-static enum status judge_all(const struct side *a, const struct side *b, const struct judging *judging,
+static enum status judge_all(const struct side *a, const struct side *b, const struct performance_terms *judging,
                              struct timeline *timeline, struct performances *out)
 {
     enum status status = OK;
@@ -725,9 +750,11 @@ static enum status judge_all(const struct side *a, const struct side *b, const s
     for (int32_t f = 0; f < timeline->count; f++)
         timeline->reference[f] = NAN;
     for (int32_t k = 0; k < b->list.count && status == OK; k++) {
-        out->at[k].attempt = b->list.spans[k];
-        status = judge_repetition(a, b, judging, &out->at[k], timeline, &out->sums);
-        out->count++;
+        struct performance *next = &out->at[out->count];
+        *next = (struct performance){.attempt = b->list.spans[k]};
+        status = judge_repetition(a, b, judging, next, timeline, &out->sums);
+        out->count += status == OK;
+        status = status == NOTHING ? OK : status;
     }
     out->reference_count = a->list.count;
     noise_sums_add(out->sums.noise[0], a->movement, 0, a->movement->count);
@@ -830,19 +857,36 @@ static enum status find_both(struct side *a, struct side *b)
     return status;
 }
 
-enum status performances_judge(const struct performed of[2], const struct alignment_prices *prices,
-                               const struct tolerances *by, struct timeline *timeline, struct performances *out)
+// References are only those repetitions that mostly count.
+static void forget_uncounted(struct side *a, struct repetition_span within)
+{
+    int32_t kept = 0;
+    for (int32_t k = 0; k < a->list.count; k++) {
+        const struct repetition_span span = a->list.spans[k], in = common_span(span, within);
+        const int32_t shorter =
+            span.end - span.first < within.end - within.first ? span.end - span.first : within.end - within.first;
+        if (2 * (in.end - in.first) > shorter)
+            a->list.spans[kept++] = span;
+    }
+    a->list.count = kept;
+}
+
+enum status performances_judge(const struct performed of[2], const struct performance_terms *terms,
+                               struct timeline *timeline, struct performances *out)
 {
     struct side a = {.movement = of[0].movement, .frames = of[0].features.frames, .plain = of[0].plain},
                 b = {.movement = of[1].movement, .frames = of[1].features.frames, .plain = of[1].plain};
     *out = (struct performances){.reference_count = 1};
     *timeline = (struct timeline){0};
     enum status status = find_both(&a, &b);
+    out->all_references = a.list.count ? a.list.count : 1;
+    if (terms->within)
+        forget_uncounted(&a, *terms->within);
     if (status == OK && a.list.count >= 2)
         measure_moved(&a);
     memcpy(out->moved, a.moved, sizeof out->moved);
-    if (status == OK && b.list.count)
-        status = judge_all(&a, &b, &(struct judging){prices, by}, timeline, out);
+    if (status == OK && a.list.count && b.list.count)
+        status = judge_all(&a, &b, terms, timeline, out);
     repetition_list_free(&a.list);
     repetition_list_free(&b.list);
     if (status != OK) {

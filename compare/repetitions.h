@@ -46,7 +46,8 @@ struct performance {
 struct performances {
     struct performance *at;   // malloc'ed, in B's order
     int32_t count;            // B's repetitions; 0: neither movement repeats anything
-    int32_t reference_count;  // A's; 1: one performance
+    int32_t reference_count;  // A's that count; 1: one performance
+    int32_t all_references;   // and with those that do not count
     struct pair_sums sums;    // of all
     double moved[PART_COUNT]; // how much A's repetitions move each part alike, rad; only where there are several
 };
@@ -59,9 +60,15 @@ struct performed {
     struct feature_frame *plain;
 };
 
-// of: A and B. Each of B's repetitions is judged against the one of A's (at most 12 are tried) that it resembles most;
-// *timeline is theirs, NaN between them, and the caller's to free. Where neither repeats anything there are none, and
-// no timeline. prices: of the alignment; by: what counts. ERR_MEMORY; *out and *timeline are then zeroed.
-MUST_CHECK enum status performances_judge(const struct performed of[2], const struct alignment_prices *prices,
-                                          const struct tolerances *by, struct timeline *timeline,
-                                          struct performances *out);
+// of: A and B. within: NULL, or the frames of A that count: of A's repetitions only those that lie mostly in it are
+// references, and of each what lies in it; of B's what shows that. Each of B's repetitions is judged against the one of
+// A's (at most 12 are tried) that it resembles most; *timeline is theirs, NaN between them, and the caller's to free.
+// Where neither repeats anything there are none, and no timeline. prices: of the alignment; by: what counts.
+// ERR_MEMORY; *out and *timeline are then zeroed.
+struct performance_terms {
+    const struct alignment_prices *prices;
+    const struct tolerances *by;
+    const struct repetition_span *within;
+};
+MUST_CHECK enum status performances_judge(const struct performed of[2], const struct performance_terms *terms,
+                                          struct timeline *timeline, struct performances *out);

@@ -314,6 +314,52 @@ static void test_a_stretch_among_repetitions(void **state)
     comparison_free(&sound);
 }
 
+// Of an attempt that holds more repetitions than the reference each shows the stretch, also where it holds nothing
+// else.
+static void test_a_stretch_done_several_times(void **state)
+{
+    (void)state;
+    struct exercise a = once(), b = exercise_default();
+    b.seconds = 9;
+    b.right_elbow_rad = 0.8; // in the second, in what counts; and in the third, beside it
+    b.wrong_from_s = 4.4;
+    b.wrong_to_s = 6.9;
+    const struct expectation e = {.from_s = 1.2, .to_s = 2.8};
+    struct comparison c = compare_expecting(&a, &b, &e);
+    EXPECT_INT(c.relation, RELATION_SAME);
+    EXPECT_INT(c.repetitions.count, 3);
+    for (int32_t k = 0; k < c.repetitions.count; k++) {
+        const struct performance *p = &c.repetitions.at[k];
+        print_message("%d: %.2f to %.2f s, %.1f\n", k, p->attempt.first / MOVEMENT_RATE_HZ,
+                      p->attempt.end / MOVEMENT_RATE_HZ, p->score);
+        EXPECT_NEAR(p->reference.first, 1.2 * MOVEMENT_RATE_HZ, 1);
+        EXPECT_NEAR(p->reference.end, 2.8 * MOVEMENT_RATE_HZ, 1);
+        EXPECT_NEAR(p->attempt.first / MOVEMENT_RATE_HZ, 3 * k + 1.2, 0.3);
+        EXPECT_NEAR(p->attempt.end / MOVEMENT_RATE_HZ, 3 * k + 2.8, 0.3);
+    }
+    EXPECT_TRUE(c.repetitions.at[1].score < 90);
+    EXPECT_AT_LEAST(c.repetitions.at[0].score, 97);
+    EXPECT_AT_LEAST(c.repetitions.at[2].score, 97);
+    EXPECT_TRUE(finds_part(&c, PART_RIGHT_FOREARM));
+    for (int k = 0; k < c.finding_count; k++)
+        EXPECT_TRUE(c.findings[k].kind == FINDING_POSTURE && c.findings[k].from_s > 3.8 && c.findings[k].to_s < 6.3);
+    EXPECT_TRUE(c.pace.missing == 0 && c.pace.extra == 0);
+    comparison_free(&c);
+
+    b = exercise_default(); // the stretch itself is done three times
+    a = exercise_default();
+    a.seconds = 6;
+    b.seconds = 9;
+    const struct expectation first = {.from_s = 0, .to_s = 3};
+    c = compare_expecting(&a, &b, &first);
+    EXPECT_INT(c.relation, RELATION_SAME);
+    EXPECT_INT(c.repetitions.count, 3);
+    EXPECT_INT(c.repetitions.reference_count, 1);
+    EXPECT_AT_LEAST(c.score, 97);
+    EXPECT_INT(c.finding_count, 0);
+    comparison_free(&c);
+}
+
 static void test_several_references_say_what_is_right(void **state)
 {
     (void)state;
@@ -405,6 +451,7 @@ int main(void)
         cmocka_unit_test(test_a_tolerance_in_both_directions),
         cmocka_unit_test(test_a_stretch_that_counts),
         cmocka_unit_test(test_a_stretch_among_repetitions),
+        cmocka_unit_test(test_a_stretch_done_several_times),
         cmocka_unit_test(test_several_references_say_what_is_right),
         cmocka_unit_test(test_live_by_what_is_expected),
     };
