@@ -7,8 +7,8 @@
 enum { MIN_PIECE = 12, MIN_PAUSE = 10 };
 // A piece has content if some part leaves the poses at its ends by more (chord of 25 degrees).
 static const double MOVED_CHORD = 0.433;
-// The same for what is added (60 degrees), whichever way; along A's own way less may be the same movement done too far.
-static const double ADDED_CHORD = 1;
+// The same out and back to one pose (60 degrees): what leaves it by less may be a smaller range.
+static const double BACK_CHORD = 1;
 // While B goes through a piece that A lacks, or waits, A advances at most at this share of the pace.
 static const double STANDSTILL = 0.25;
 // A moves where some part's direction changes by more within half a second (10 degrees).
@@ -98,7 +98,7 @@ static enum status look_for_jump(struct walk *walk, int32_t j, int32_t next)
     // Out and back to the same pose: less of it may be the same movement with a smaller range.
     const bool back = farthest_part(&before, &after, walk->parts) < MOVED_CHORD;
     const bool content = has_content(walk->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after},
-                                     walk->parts, back ? ADDED_CHORD : MOVED_CHORD);
+                                     walk->parts, back ? BACK_CHORD : MOVED_CHORD);
     if (!content && back &&
         has_content(walk->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after}, walk->parts, MOVED_CHORD))
         return OK;
@@ -189,6 +189,21 @@ static bool goes_elsewhere(const struct walk *walk, const struct standstill *sti
     return count == LEAST;
 }
 
+// A waits from the first frame of B on, and goes on before `end`: since it was farthest behind STANDSTILL of the pace.
+static int32_t pause_end(const struct walk *walk, int32_t first, int32_t end)
+{
+    double least = 0;
+    int32_t out = first + 1;
+    for (int32_t j = first + 1; j < end; j++) {
+        const double ahead = walk->reference[j] - walk->reference[first] - STANDSTILL * (j - first);
+        if (ahead <= least) {
+            least = ahead;
+            out = j + 1;
+        }
+    }
+    return out;
+}
+
 // A stands still over first..end - 1 of B.
 static enum status look_for_halt(struct walk *walk, int32_t first, int32_t end)
 {
@@ -196,15 +211,14 @@ static enum status look_for_halt(struct walk *walk, int32_t first, int32_t end)
         return OK;
     const int32_t a_first = (int32_t)walk->reference[first], a_end = (int32_t)walk->reference[end - 1] + 1;
     struct piece piece = {.a_first = a_first, .a_end = a_end, .b_first = first, .b_end = end};
-    const struct movement_frame before = movement_at(walk->a, a_first), after = movement_at(walk->a, a_end - 1);
     const struct standstill still = standstill_of(walk, a_first, a_end);
-    const bool far =
-        has_content(walk->b, first, end, (struct pose_pair){&before, &after}, walk->parts, ADDED_CHORD) &&
-        has_content(walk->b, first, end, (struct pose_pair){&walk->b->frames[first], &walk->b->frames[end - 1]},
-                    walk->parts, ADDED_CHORD);
-    const bool content = end - first >= MIN_PIECE && (far || goes_elsewhere(walk, &still, first, end));
+    const bool content = end - first >= MIN_PIECE && goes_elsewhere(walk, &still, first, end);
     piece.kind = content ? PIECE_EXTRA : PIECE_PAUSE;
-    piece.turned_rad = heading_change(walk->b, first, end);
+    if (!content) {
+        piece.b_end = pause_end(walk, first, end);
+        piece.a_end = (int32_t)walk->reference[piece.b_end - 1] + 1;
+    }
+    piece.turned_rad = heading_change(walk->b, first, piece.b_end);
     if (content)
         walk->pace->extra += end - first;
     for (int32_t f = first; f < end && content; f++)
