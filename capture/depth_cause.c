@@ -388,7 +388,7 @@ static int floors_seen(const struct depth_film *film, int quarter_turns, uint16_
     for (int i = 0; i < film->count; i += 5) {
         struct floor_plane floor;
         undo_picture(film, i, &h, 0, buffer);
-        seen += gravity_align_floor(&lens, buffer, &floor);
+        seen += floor_plane_find(&lens, buffer, &floor);
     }
     return seen;
 }

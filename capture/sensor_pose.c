@@ -4,6 +4,7 @@
 #include "base/portable_math.h"
 #include "locate/tag_corners.h"
 #include "locate/tag_model.h"
+#include "recording/take_floor.h"
 
 #include <stdlib.h>
 
@@ -16,26 +17,6 @@ static const double LEVEL_RAD = 0.004;
 
 // How far from z = 0 a levelled plane may lie and still be the floor. Chosen by hand.
 static const double FLOOR_M = 0.12;
-
-enum { CELLS_ACROSS = 80, CELLS_MAX = 80 * 80 };
-
-bool gravity_align_floor(const struct lens *lens, const uint16_t *depth, struct floor_plane *out)
-{
-    static _Thread_local struct grid_ray rays[CELLS_MAX];
-    static _Thread_local uint16_t cells[CELLS_MAX];
-    int step = lens->width > CELLS_ACROSS ? lens->width / CELLS_ACROSS : 1;
-    int across = lens->width / step, down = lens->height / step;
-    while (across * down > CELLS_MAX)
-        down--; // an image higher than wide: its lowest rows are not used
-    for (int y = 0; y < down; y++)
-        for (int x = 0; x < across; x++) {
-            int px = x * step + step / 2, py = y * step + step / 2;
-            struct vec3 ray = lens_ray(lens, (struct pixel){px, py});
-            rays[y * across + x] = (struct grid_ray){(float)ray.x, (float)ray.y};
-            cells[y * across + x] = depth[(size_t)py * (size_t)lens->width + (size_t)px];
-        }
-    return floor_plane_fit(cells, rays, across, down, out);
-}
 
 // Rotates world_from_camera about `pivot` (world axes: the centre of the tags, which
 // keep their positions in the image) until the floor is level. False, and no change,
@@ -60,10 +41,8 @@ static bool gravity_align_pose(struct pose *world_from_camera, struct vec3 pivot
 
 // ---------------------------------------------------------------- sensor tilt
 
-static const double DEGREES = 180 / 3.14159265358979323846;
 // What compare/joint_samples.c takes for standing, and up to which tilt.
-static const double STANDS_S = 1, STANDS_DEGREES = 35;
-static const double LEVEL_DEGREES = 8; // a tilt that changes no finding: a part is different from 10 degrees on
+static const double STANDS_S = 1, STANDS_COS = 0.819; // 35 degrees
 
 static bool is_actor_upright(const struct take *take)
 {
@@ -77,7 +56,7 @@ static bool is_actor_upright(const struct take *take)
         sum = v3_add(sum, v3_scale(axis, step_s));
         seconds += step_s;
     }
-    return seconds >= STANDS_S && v3_dot(v3_unit(sum), v3(0, -1, 0)) > portable_cos(STANDS_DEGREES / DEGREES);
+    return seconds >= STANDS_S && v3_dot(v3_unit(sum), v3(0, -1, 0)) > STANDS_COS;
 }
 
 static bool shows_person(const struct take *take)
@@ -88,46 +67,18 @@ static bool shows_person(const struct take *take)
     return false;
 }
 
-enum status sensor_tilt_find(struct take *take, struct sensor_tilt *out)
+enum status sensor_tilt_judge(struct take *take, struct take_verdict *out)
 {
-    enum { LOOKS = 5 };
-    const struct calibration *c = take_calibration(take);
-    const int64_t count = take_frame_count(take);
-    struct vec3 sum = {0, 0, 0};
-    enum status status = OK;
-    int seen = 0;
-    *out = (struct sensor_tilt){.matters = !take_is_located(take) && shows_person(take) && !is_actor_upright(take)};
-    for (int k = 0; k < LOOKS && out->matters && c->depth.width > 0 && status == OK; k++) {
-        struct take_images images;
-        struct floor_plane floor;
-        status = take_read(take, count * (2 * k + 1) / (2 * LOOKS), TAKE_DEPTH, &images);
-        if (status == OK && images.depth && gravity_align_floor(&c->depth, images.depth, &floor)) {
-            sum = v3_add(sum, floor.up);
-            seen++;
-        }
-        status = status == ERR_CORRUPT ? OK : status;
-    }
-    out->known = seen > LOOKS / 2;
-    const struct vec3 up = quat_rotate(c->color_from_depth.rotation, v3_unit(sum));
-    out->degrees = out->known ? portable_acos(fmin(1, fmax(-1, -up.y))) * DEGREES : 0;
-    return status;
-}
-
-void sensor_tilt_say(const struct sensor_tilt *tilt, struct take_verdict *out)
-{
-    if (!tilt->matters)
-        return;
-    if (!tilt->known)
+    struct vec3 up;
+    if (take_is_located(take) || !shows_person(take) || is_actor_upright(take))
+        return OK;
+    const enum status status = take_floor_up(take, &up);
+    if (status == NOTHING)
         verdict_say(
             out, 0,
             "how the sensor is tilted is not known: stand upright for a second, have the floor in the picture, or "
             "map the room, to be compared rightly");
-    else if (tilt->degrees > LEVEL_DEGREES)
-        verdict_say(
-            out, USE_COMPARE,
-            "the sensor is tilted by %.0f degrees: put it level, stand upright for a second, or map the room, to "
-            "be compared rightly",
-            tilt->degrees);
+    return status == NOTHING ? OK : status;
 }
 
 // ---------------------------------------------------------------- sensor pose
@@ -297,7 +248,7 @@ static struct vec3 visible_reference_centre(const struct sensor_pose *pose, stru
 static void align_to_floor(const struct sensor_pose *pose, const uint16_t *depth, struct pose *world_from_color)
 {
     struct floor_plane floor;
-    if (!depth || !gravity_align_floor(&pose->calibration.depth, depth, &floor))
+    if (!depth || !floor_plane_find(&pose->calibration.depth, depth, &floor))
         return;
     struct pose world_from_depth = pose_multiply(*world_from_color, pose->calibration.color_from_depth);
     if (gravity_align_pose(&world_from_depth, visible_reference_centre(pose, *world_from_color), &floor))

@@ -5,8 +5,8 @@
 // on get the new pose. Everything depends on frame numbers, not on time, so that the same frames give the same poses.
 // One handle, one thread.
 #pragma once
+#include "base/floor_plane.h"
 #include "base/lens.h"
-#include "capture/segmentation/floor_plane.h"
 #include "locate/locator.h"
 #include "recording/recorded_verdict.h"
 
@@ -17,23 +17,12 @@
 // not. Method: RANSAC plane (floor_plane.h), then the smallest rotation that makes it level. Pure; scratch memory is
 // per thread.
 
-// The floor plane in the depth image, depth camera's axes; false: no floor found.
-bool gravity_align_floor(const struct lens *depth_lens, const uint16_t *depth, struct floor_plane *out);
-
 // ---------------------------------------------------------------- sensor tilt
 
-// How far a sensor without a place was tilted or rolled from level: by the floor in its depth images. Who compares
-// takes the person's standing for it (compare/joint_samples.h), and without that, takes the sensor as held level.
-
-struct sensor_tilt {
-    bool matters; // neither a place nor a person who stands upright for a second gives the vertical
-    bool known;   // a floor is seen
-    double degrees;
-};
-
-// Reads at most five depth images. ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status sensor_tilt_find(struct take *take, struct sensor_tilt *out);
-void sensor_tilt_say(const struct sensor_tilt *tilt, struct take_verdict *out);
+// Says where neither a place, nor the floor in the depth images, nor a person who stands upright for a second tells how
+// the sensor was tilted: who compares such a take has to take it as level (compare/joint_samples.h). ERR_IO,
+// ERR_MEMORY.
+MUST_CHECK enum status sensor_tilt_judge(struct take *take, struct take_verdict *out);
 
 // ---------------------------------------------------------------- sensor pose
 

@@ -391,9 +391,8 @@ static enum status judge_take(struct take *take, const struct judging *by, struc
 {
     struct take_verdict *out = &judgement->verdict;
     struct take_facts facts;
-    struct take_verdict watched;
+    struct take_verdict watched, tilt = {.seen = true};
     struct depth_finding finding;
-    struct sensor_tilt tilt;
     struct coach *coach = malloc(sizeof *coach);
     if (!coach)
         return fail(ERR_MEMORY, "no memory to judge a take");
@@ -404,13 +403,13 @@ static enum status judge_take(struct take *take, const struct judging *by, struc
     if (status == OK)
         status = depth_cause_find(take, &finding);
     if (status == OK)
-        status = sensor_tilt_find(take, &tilt);
+        status = sensor_tilt_judge(take, &tilt);
     if (status == OK) {
         coach_verdict(coach, &watched);
         *out = (struct take_verdict){.purpose = by->before.purpose, .seen = watched.seen};
         depth_cause_say(&finding, out);
         take_facts_say(&facts, out);
-        sensor_tilt_say(&tilt, out);
+        add_lines(out, &tilt, false);
         out->spoilt |= watched.spoilt;
         add_filming(out, &by->before, by->filmed_by);
         add_lines(out, &watched, false);

@@ -1,6 +1,7 @@
 #include "compare/joint_samples.h"
 
 #include "base/portable_math.h"
+#include "recording/take_floor.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -212,12 +213,37 @@ static void note_unknown_tilt(struct joint_samples *samples)
 {
     struct vec3 mean;
     if (!joint_samples_standing(samples, &mean) || v3_dot(mean, v3(0, -1, 0)) < portable_cos(MAX_TILT_RAD))
-        joint_note(&samples->notes,
-                   "how its sensor was tilted is not known: it has no place, and nobody stands upright for a "
-                   "second; it is taken as level, and where it was not, the score means little");
+        joint_note(
+            &samples->notes,
+            "how its sensor was tilted is not known: it has no place and no floor in sight, and nobody stands upright "
+            "for a second; it is taken as level, and where it was not, the score means little");
 }
 
-static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)
+static void rotate_up(struct joint_samples *samples, struct vec3 up)
+{
+    const struct quat level = quat_between(up, v3(0, -1, 0));
+    for (int64_t i = 0; i < samples->count; i++)
+        for (int j = 0; j < JOINT_COUNT; j++)
+            samples->at[i].skeleton.joint[j] = quat_rotate(level, samples->at[i].skeleton.joint[j]);
+    samples->tilt_rad = portable_acos(fmin(1, fmax(-1, -up.y)));
+}
+
+// Of a take without a place, by the floor in its depth; without one by the person's standing.
+static enum status level_take(struct take *take, struct joint_samples *samples)
+{
+    struct vec3 up;
+    const enum status status = take_floor_up(take, &up);
+    if (status == OK) {
+        rotate_up(samples, up);
+        samples->tilt_by_floor = true;
+    } else if (status == NOTHING) {
+        joint_samples_level(samples);
+        note_unknown_tilt(samples);
+    }
+    return status == NOTHING ? OK : status;
+}
+
+static enum status read_take(struct take *take, const char *path, const char *name, struct joint_samples *out)
 {
     enum status status = OK;
     out->sigma_given = true;
@@ -229,11 +255,7 @@ static enum status read_take(const struct take *take, const char *path, const ch
     }
     if (status == OK && !out->count)
         status = fail(ERR_INPUT, "take '%s' of %s has no skeleton: no person was tracked in it", name, path);
-    if (status == OK && !take_is_located(take)) {
-        joint_samples_level(out);
-        note_unknown_tilt(out);
-    }
-    return status;
+    return status == OK && !take_is_located(take) ? level_take(take, out) : status;
 }
 
 enum status joint_samples_read_take(const char *path, const char *name, struct joint_samples *out)
@@ -294,9 +316,5 @@ void joint_samples_level(struct joint_samples *samples)
     const double tilt = portable_acos(fmin(1, fmax(-1, v3_dot(mean, up))));
     if (tilt < 0.0524 || tilt > MAX_TILT_RAD)
         return;
-    const struct quat level = quat_between(mean, up);
-    for (int64_t i = 0; i < samples->count; i++)
-        for (int j = 0; j < JOINT_COUNT; j++)
-            samples->at[i].skeleton.joint[j] = quat_rotate(level, samples->at[i].skeleton.joint[j]);
-    samples->tilt_rad = tilt;
+    rotate_up(samples, mean);
 }

@@ -1,8 +1,9 @@
 // Joints over time as they come from a recording or a joints-csv file, before anything is computed from them.
 //
 // Axes: y down along gravity, x and z level, metres; only where they point is left open. A take that was located in a
-// place is rotated so from the place's z; of another take the camera counts as held level unless the person says
-// otherwise: samples_level() below. A joints-csv file says its axes, or they are found out (joints_csv_reader.c).
+// place is rotated so from the place's z, another take from the floor that its depth shows; where it shows none, the
+// camera counts as held level unless the person says otherwise: joint_samples_level() below. A joints-csv file says its
+// axes, or they are found out (joints_csv_reader.c).
 #pragma once
 #include "recording/recording.h"
 
@@ -25,10 +26,11 @@ struct joint_samples {
     int64_t count, capacity;
     int64_t dropped; // rows or frames left out: a number was not finite, or its time was not later than the last one's
     int64_t jumps;   // of the clock, closed up
-    int64_t offset_ns; // added to the clock so far, because of them
-    int64_t began_ns;  // of the source's clock at time 0; a date where it counts from 1970 (date_text, base/text.h)
-    bool sigma_given;  // false: sigma_m is default_sigma_m()
-    double tilt_rad;   // by how much samples_level() turned them
+    int64_t offset_ns;  // added to the clock so far, because of them
+    int64_t began_ns;   // of the source's clock at time 0; a date where it counts from 1970 (date_text, base/text.h)
+    bool sigma_given;   // false: sigma_m is default_sigma_m()
+    double tilt_rad;    // by how much they were turned to be level
+    bool tilt_by_floor; // as the floor says that is seen; else the person's standing
     struct joint_notes notes;
 };
 void joint_samples_free(struct joint_samples *samples); // zeroed is fine; leaves it zeroed

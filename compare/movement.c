@@ -605,6 +605,7 @@ enum status movement_read(const char *path, const char *take, struct movement *o
         source->clock_jumps = samples.jumps;
         source->began_ns = samples.began_ns;
         source->tilt_rad = samples.tilt_rad;
+        source->tilt_by_floor = samples.tilt_by_floor;
         source->notes = samples.notes;
         status = movement_from_samples(&samples, out);
     }

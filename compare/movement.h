@@ -74,8 +74,9 @@ MUST_CHECK enum status movement_from_samples(const struct joint_samples *samples
 // else as joint_samples_read_*.
 struct movement_source {
     int64_t frames_dropped, frames_side_mended, clock_jumps;
-    int64_t began_ns; // as joint_samples.h
-    double tilt_rad;  // the camera's, found by the person's standing; 0: not tilted, or gravity is known
+    int64_t began_ns;   // as joint_samples.h
+    double tilt_rad;    // the camera's, which was corrected; 0: not tilted, or gravity is known
+    bool tilt_by_floor; // as in joint_samples.h
     struct joint_notes notes;
 };
 MUST_CHECK enum status movement_read(const char *path, const char *take, struct movement *out,

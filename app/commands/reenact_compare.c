@@ -386,9 +386,10 @@ static void print_warnings(const struct compare_run *run, const char *of, const 
     progress_bar_end(run->bar); // its line is needed
     for (int k = 0; k < source->notes.count; k++)
         fprintf(stderr, "%s: %s: %s\n", program, path, source->notes.line[k]);
-    if (source->tilt_rad > 0)
-        fprintf(stderr, "%s: %s: the camera was tilted by %.0f degrees, as the person's standing says; corrected\n",
-                program, path, source->tilt_rad * 180 / 3.14159265358979323846);
+    const double tilt_deg = source->tilt_rad * 180 / 3.14159265358979323846;
+    if (tilt_deg >= 3)
+        fprintf(stderr, "%s: %s: the camera was tilted by %.0f degrees, as %s; corrected\n", program, path, tilt_deg,
+                source->tilt_by_floor ? "the floor says" : "the person's standing says");
     if (source->clock_jumps)
         fprintf(stderr, "%s: warning: %s: the clock jumps %lld times; the jumps were closed up\n", program, path,
                 (long long)source->clock_jumps);

@@ -1,9 +1,9 @@
 // The viewer's part for doing the move beside the actor.
 #include "app/live/live_attempt.h"
-#include "app/live/live_expectation.h"
 #include "app/live/live_picture.h"
 #include "app/live/live_sensor.h"
 #include "app/ui/screen_live.h"
+#include "app/viewer/live_expectation.h"
 #include "app/viewer/viewer_inside.h"
 #include "app/viewer/viewer_parts.h"
 #include "base/clamp.h"

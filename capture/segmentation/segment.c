@@ -1,7 +1,7 @@
 #include "capture/segmentation/segment.h"
 
 #include "base/depth_noise.h"
-#include "capture/segmentation/floor_plane.h"
+#include "base/floor_plane.h"
 #include "capture/segmentation/image_bounds.h"
 
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 #include "tests/support/test.h"
 
 #include "app/live/live_attempt.h"
-#include "app/live/live_expectation.h"
+#include "app/viewer/live_expectation.h"
 #include "base/clock.h"
 #include "compare/live_judge.h"
 #include "tests/support/exercise.h"

@@ -9,7 +9,9 @@
 #include "capture/depth_cause.h"
 #include "capture/sensor_pose.h"
 #include "capture/tracking/tracker.h"
+#include "compare/joint_samples.h"
 #include "platform/files/jpeg.h"
+#include "recording/take_floor.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"
 
@@ -97,7 +99,7 @@ struct film {
     double scale;       // of those joints; 0: 1
     enum depth_cause cause;
     double factor;
-    double tilt; // degrees, that must be said; 0: none
+    double tilt; // degrees, that the floor must say; 0: any
 };
 
 static struct lens turned_lens(const struct lens *l, int turns)
@@ -167,7 +169,7 @@ static void write_film(const struct film *film, const char *path)
 
 // ---------------------------------------------------------------- how it is judged
 
-static struct depth_finding judge_take(const char *path, const char *what, struct sensor_tilt *tilt,
+static struct depth_finding judge_take(const char *path, const char *what, double *tilt_degrees,
                                        struct take_verdict *said)
 {
     struct recording *r;
@@ -176,7 +178,10 @@ static struct depth_finding judge_take(const char *path, const char *what, struc
     EXPECT_STATUS(recording_open(&r, path), OK);
     EXPECT_STATUS(take_open(&t, r, "a"), OK);
     EXPECT_STATUS(depth_cause_find(t, &found), OK);
-    EXPECT_STATUS(sensor_tilt_find(t, tilt), OK);
+    struct vec3 up = v3(NAN, NAN, NAN);
+    if (take_floor_up(t, &up) == OK)
+        up = v3_unit(up);
+    *tilt_degrees = acos(fmin(1, fmax(-1, -up.y))) * 180 / 3.14159265358979323846;
     *said = (struct take_verdict){.seen = true};
     depth_cause_say(&found, said);
     printf("%-24s cause %d, factor %g, %.2f m: %s\n", what, found.cause, found.factor, found.stature_m,
@@ -189,17 +194,19 @@ static struct depth_finding judge_take(const char *path, const char *what, struc
 static void judge(const struct film *film)
 {
     struct scratch scratch = scratch_make();
-    struct sensor_tilt tilt;
-    struct take_verdict said, tilt_said = {.seen = true};
+    double tilt_degrees;
+    struct take_verdict said;
     write_film(film, scratch_file(&scratch, "film.reenact"));
-    const struct depth_finding found = judge_take(scratch_file(&scratch, "film.reenact"), film->what, &tilt, &said);
-    sensor_tilt_say(&tilt, &tilt_said);
+    const struct depth_finding found =
+        judge_take(scratch_file(&scratch, "film.reenact"), film->what, &tilt_degrees, &said);
     if (film->tilt > 0) {
-        printf("    tilt %.1f: %s\n", tilt.degrees, tilt_said.count ? tilt_said.line[0].text : "-");
-        EXPECT_NEAR(tilt.degrees, film->tilt, 2);
-        EXPECT_TRUE(!verdict_is_good_for(&tilt_said, USE_COMPARE));
-    } else if (film->tracked && film->cause == CAUSE_NONE) {
-        EXPECT_TRUE(verdict_is_good_for(&tilt_said, USE_COMPARE));
+        printf("    tilt %.1f\n", tilt_degrees);
+        EXPECT_NEAR(tilt_degrees, film->tilt, 2);
+        struct joint_samples samples; // as they are compared
+        EXPECT_STATUS(joint_samples_read_take(scratch_file(&scratch, "film.reenact"), "a", &samples), OK);
+        EXPECT_NEAR(samples.tilt_rad * 180 / 3.14159265358979323846, film->tilt, 2);
+        EXPECT_TRUE(samples.tilt_by_floor);
+        joint_samples_free(&samples);
     }
     EXPECT_INT(found.cause, film->cause);
     EXPECT_INT(said.count, film->cause != CAUSE_NONE);
@@ -314,7 +321,7 @@ static void test_postures_are_no_wrong_unit(void **state)
     } people[] = {{"heavy", "kneel"}, {"tall", "crouch"}, {"woman", "sit"}};
     for (size_t i = 0; i < COUNT_OF(people); i += SANITIZED ? 2 : 1) {
         struct scratch scratch = scratch_make();
-        struct sensor_tilt tilt;
+        double tilt;
         struct take_verdict said;
         const char *path = scratch_file(&scratch, "film.reenact");
         track_film(people[i].figure, people[i].motion, path);
@@ -333,7 +340,7 @@ static void test_mirrored_stream_is_named(void **state)
     struct scratch scratch = scratch_make();
     struct world *world;
     struct recording_writer *w;
-    struct sensor_tilt tilt;
+    double tilt;
     struct take_verdict said;
     struct world_options o = world_default_options();
     const struct calibration c = world_calibration(0.5);

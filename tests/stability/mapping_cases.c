@@ -73,7 +73,7 @@ static struct answer ask_floor(const double *in)
     struct floor_plane floor;
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         depth[i] = (uint16_t)in[0];
-    if (!gravity_align_floor(&lens, depth, &floor))
+    if (!floor_plane_find(&lens, depth, &floor))
         return answer_of(ANSWER_UNKNOWN);
     return answer_value(floor.height_m);
 }

@@ -1,4 +1,4 @@
-#include "capture/segmentation/floor_plane.h"
+#include "base/floor_plane.h"
 
 #include "base/depth_noise.h"
 
@@ -123,4 +123,24 @@ bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int widt
         return false;
     *out = best;
     return true;
+}
+
+enum { CELLS_ACROSS = 80, CELLS_MAX = 80 * 80 };
+
+bool floor_plane_find(const struct lens *lens, const uint16_t *depth, struct floor_plane *out)
+{
+    static _Thread_local struct grid_ray rays[CELLS_MAX];
+    static _Thread_local uint16_t cells[CELLS_MAX];
+    int step = lens->width > CELLS_ACROSS ? lens->width / CELLS_ACROSS : 1;
+    int across = lens->width / step, down = lens->height / step;
+    while (across * down > CELLS_MAX)
+        down--; // an image higher than wide: its lowest rows are not used
+    for (int y = 0; y < down; y++)
+        for (int x = 0; x < across; x++) {
+            int px = x * step + step / 2, py = y * step + step / 2;
+            struct vec3 ray = lens_ray(lens, (struct pixel){px, py});
+            rays[y * across + x] = (struct grid_ray){(float)ray.x, (float)ray.y};
+            cells[y * across + x] = depth[(size_t)py * (size_t)lens->width + (size_t)px];
+        }
+    return floor_plane_fit(cells, rays, across, down, out);
 }

@@ -1,4 +1,4 @@
-#include "app/live/live_expectation.h"
+#include "app/viewer/live_expectation.h"
 
 #include <math.h>
 
