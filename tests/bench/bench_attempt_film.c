@@ -203,12 +203,13 @@ static void judge_findings(const struct comparison *c, enum world_edit_kind kind
     }
     if (edit_is_posture(kind))
         out->first_right = first && edit_expects_part(kind, first->part);
-    if (edit_is_timing(kind))
-        out->no_posture = !posture;
+    const bool judged = c->relation == RELATION_SAME;
+    if (edit_is_timing(kind) || kind == EDIT_NONE)
+        out->no_posture = !posture && judged;
     if (edit_is_timing(kind) || kind == EDIT_MISSING || kind == EDIT_EXTRA)
         out->kind_found = of_kind;
-    out->mirrored_right = c->mirrored == (kind == EDIT_MIRRORED);
-    out->score = c->relation == RELATION_SAME ? c->score : NAN;
+    out->mirrored_right = kind == EDIT_MIRRORED ? c->mirrored && judged : !c->mirrored;
+    out->score = judged ? c->score : NAN;
     out->score_sigma = c->score_sigma;
     if (first)
         snprintf(out->first, sizeof out->first, "%s: %s", first->part, first->sentence);

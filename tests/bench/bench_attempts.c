@@ -125,8 +125,9 @@ static void print_film(const struct trial *t, const struct attempt *a, const cha
     const struct attempt_plan *p = &a->plan;
     const char *slash = strrchr(p->motion, '/');
     const struct attempt_score *s = &a->score;
-    const char *mark =
-        s->first_right < 1 || s->no_posture < 1 || s->mirrored_right < 1 ? "WRONG" : "right"; // NaN: right
+    const char *mark = s->first_right < 1 || s->no_posture < 1 || s->mirrored_right < 1 || s->kind_found < 1
+                           ? "WRONG"
+                           : "right"; // NaN: right
     printf("%4d %-12.12s %-11s %4.2f  %4.1f to %4.1f s  %-5s by %-5s score %3.0f ± %.0f  %s  %s\n", p->index,
            slash ? slash + 1 : p->motion, world_edit_name(p->edit.kind), p->edit.amount, p->edit.from_s, p->edit.to_s,
            p->actor[0].figure, p->actor[1].figure, s->score, s->score_sigma, mark, s->first);

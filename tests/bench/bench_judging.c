@@ -238,7 +238,7 @@ static void judge_edit(const struct comparison *c, struct edit_result *out)
                           (edit_is_timing(kind) && f->kind == FINDING_TIMING) ||
                           (kind == EDIT_RANGE && (f->kind == FINDING_RANGE || f->kind == FINDING_POSTURE));
     }
-    out->mirrored_right = c->mirrored == (kind == EDIT_MIRRORED);
+    out->mirrored_right = kind == EDIT_MIRRORED ? c->mirrored && out->judged : !c->mirrored;
     out->first_right = c->finding_count && edit_is_posture(kind) && edit_expects_part(kind, c->findings[0].part);
 }
 
