@@ -228,6 +228,7 @@ enum {
     KEY_DUMP,
     KEY_COLOR,
     KEY_FEATURES,
+    KEY_POSTURES,
     KEY_EMPTY,
     KEY_ANSWERS,
 };
@@ -262,6 +263,7 @@ static error_t parse_dice(int key, char *argument, struct argp_state *state, str
     case KEY_DUMP: dice->dump = argument; return 0;
     case KEY_COLOR: dice->color = true; return 0;
     case KEY_FEATURES: dice->features = argument; return 0;
+    case KEY_POSTURES: dice->postures = true; return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -285,6 +287,8 @@ static void check_together(const struct bench_arguments *a, struct argp_state *s
     if (!dice && !attempts &&
         (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump || in->dice.features))
         argp_error(state, "--only, --color, --strip, --dump and --features go with --dice");
+    if (in->dice.postures && (!dice || attempts || in->motions))
+        argp_error(state, "--postures goes with --dice of the skeleton stage, without --motions");
     if (in->answers && (!a->stage || strcmp(a->stage, "stability")))
         argp_error(state, "--answers is the stability stage's");
     if (in->plot && (!a->stage || strcmp(a->stage, "levels")))
@@ -485,6 +489,8 @@ int main(int argc, char **argv)
         {"strip", KEY_STRIP, "DIR", 0, "dice: draw images of the worst films, or of the only one, into this folder", 0},
         {"dump", KEY_DUMP, "FILE", 0,
          "dice: write each joint's error in each frame, as CSV; attempts: a folder for the joints of each film", 0},
+        {"postures", KEY_POSTURES, NULL, 0,
+         "dice: of people who sit (the chair is not there), kneel, lie, are on all fours or prop themselves up", 0},
         {"features", KEY_FEATURES, "FILE", 0, "dice: write what errors are judged by, for tools/calibrate_joint_error",
          0},
         {"answers", KEY_ANSWERS, "FILE", 0, "stability: also store the answers that the test compares with", 0},

@@ -66,6 +66,7 @@ struct bench_dice {
     double seconds;
     int threads;
     bool color;           // also with body points of the colour images
+    bool postures;        // people who sit, kneel, lie or prop themselves up, instead of the world's motions
     const char *strip;    // a folder for strips of images of the worst films, or of the only one; NULL: none
     const char *dump;     // a CSV file of all joints; NULL: none
     const char *features; // a CSV file of what errors are judged by; NULL: none

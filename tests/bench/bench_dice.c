@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { WORST = 10, FACINGS = 8, DISTANCES = 7 };
+enum { POSTURE_MOTIONS = 240, WORST = 10, FACINGS = 8, DISTANCES = 7 };
 
 static const char *const columns[] = {
     "films",     "frames",    "lost_%",    "ghosts_%",  "other_%",  "mean_mm",   "geo_mm",    "less_mm",
@@ -281,7 +281,10 @@ enum status trial_dice(struct bench *b, const struct bench_dice *dice, const cha
     struct dice_trial t = {.b = b, .dice = dice, .motions_folder = motions};
     t.count = dice->only >= 0 ? 1 : dice->films;
     t.films = calloc((size_t)t.count, sizeof *t.films);
-    enum status status = t.films ? dice_motions_open(&t.motions, motions) : fail(ERR_MEMORY, "no memory for the films");
+    enum status status = t.films ? OK : fail(ERR_MEMORY, "no memory for the films");
+    if (status == OK)
+        status = dice->postures ? dice_motions_open_postures(&t.motions, dice->seed, POSTURE_MOTIONS)
+                                : dice_motions_open(&t.motions, motions);
     if (status == OK) {
         const struct dice_request request = {
             .wish = {dice->seed, dice->seconds, &t.motions, dice->color, false},

@@ -1,4 +1,5 @@
 #include "tests/support/dice_place.h"
+#include "tests/world/posture.h"
 
 #include <glob.h>
 #include <stdio.h>
@@ -76,6 +77,22 @@ enum status dice_motions_open(struct dice_motions *m, const char *folder)
         for (size_t i = 0; status == OK && i < files.gl_pathc; i++)
             status = add_motion(m, files.gl_pathv[i], strlen(files.gl_pathv[i]));
         globfree(&files);
+    }
+    if (status != OK)
+        dice_motions_close(m);
+    return status;
+}
+
+enum status dice_motions_open_postures(struct dice_motions *m, uint64_t seed, int count)
+{
+    *m = (struct dice_motions){0};
+    enum status status = OK;
+    for (int i = 0; i < count && status == OK; i++) {
+        char name[64];
+        const int posture = POSTURE_SITTING + i % (POSTURES - POSTURE_SITTING);
+        const int length = snprintf(name, sizeof name, "%s:%llu", posture_name((enum posture)posture),
+                                    (unsigned long long)(seed * 1000 + (uint64_t)i));
+        status = add_motion(m, name, (size_t)length);
     }
     if (status != OK)
         dice_motions_close(m);

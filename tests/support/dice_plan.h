@@ -29,6 +29,9 @@ struct dice_motions {
 };
 // folder NULL: the world's own alone. Sorted by name. ERR_MISSING: no BVH file there. ERR_MEMORY.
 MUST_CHECK enum status dice_motions_open(struct dice_motions *m, const char *folder);
+// `count` of people who sit, kneel, lie, are on all fours or prop themselves up (tests/world/posture.h), by turns, each
+// of its own. ERR_MEMORY.
+MUST_CHECK enum status dice_motions_open_postures(struct dice_motions *m, uint64_t seed, int count);
 void dice_motions_close(struct dice_motions *m); // zeroed is fine
 
 enum { DICE_HZ = 30, DICE_FRAMES_MOST = 600 };

@@ -2,16 +2,18 @@
 
 #include "tests/world/keys.h"
 #include "tests/world/numbers.h"
+#include "tests/world/posture.h"
 #include "tests/world/retarget.h"
 #include "tests/world/world.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// Either key poses or a file.
+// Key poses, or a file, or a posture.
 struct figure_motion {
     const struct named_motion *named;
     struct retarget *file;
+    struct posture_motion posture; // where neither of the two
 };
 
 static const double DEGREE = 3.14159265358979323846 / 180;
@@ -131,6 +133,22 @@ static struct stance named_at(const struct named_motion *m, const struct physiqu
     return s;
 }
 
+// "push-up", or of another seed than 1 "push-up:7".
+static bool open_posture(struct figure_motion *m, const char *name)
+{
+    char kind[32];
+    enum posture posture;
+    const size_t length = strcspn(name, ":");
+    if (length >= sizeof kind)
+        return false;
+    memcpy(kind, name, length);
+    kind[length] = 0;
+    if (!posture_named(kind, &posture))
+        return false;
+    m->posture = posture_motion_draw(posture, name[length] ? strtoull(name + length + 1, NULL, 10) : 1);
+    return true;
+}
+
 enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p, bool whole)
 {
     *out = NULL;
@@ -145,7 +163,7 @@ enum status world_motion_open(struct figure_motion **out, const char *name, cons
         for (size_t i = 0; i < named_motion_count; i++)
             if (!strcmp(name, named_motions[i].name))
                 m->named = &named_motions[i];
-        if (!m->named)
+        if (!m->named && !open_posture(m, name))
             status = fail(ERR_INPUT, "there is no motion '%s'; take %s or a .bvh file", name, world_motion_names());
     }
     if (status) {
@@ -167,11 +185,15 @@ void world_motion_close(struct figure_motion **m)
 
 double motion_seconds(const struct figure_motion *m)
 {
-    return m->file ? retarget_seconds(m->file) : m->named->keys[m->named->count - 1].t;
+    if (m->file)
+        return retarget_seconds(m->file);
+    return m->named ? m->named->keys[m->named->count - 1].t : posture_motion_seconds();
 }
 
 struct stance world_motion_at(const struct figure_motion *m, const struct physique *p, double time_s)
 {
     double t = least(most(time_s, 0), motion_seconds(m));
-    return m->file ? retarget_at(m->file, p, t) : named_at(m->named, p, t);
+    if (m->file)
+        return retarget_at(m->file, p, t);
+    return m->named ? named_at(m->named, p, t) : posture_motion_at(&m->posture, p, t);
 }
