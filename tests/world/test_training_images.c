@@ -1,0 +1,167 @@
+// Training images: the truth belongs to the picture, every kind occurs, and the same seed gives the same bytes.
+#include "tests/support/test.h"
+
+#include "tests/world/training/training_image.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { FIGURES = 4, SEED = 5 };
+
+static struct training_people people;
+static struct training_renderer *renderer;
+static struct training_image *image, *again;
+
+static int set_up(void **state)
+{
+    (void)state;
+    EXPECT_STATUS(training_people_open(&people, &(struct training_people_wish){.seed = SEED, .figures = FIGURES}), OK);
+    EXPECT_STATUS(training_renderer_open(&renderer, &people), OK);
+    image = malloc(sizeof *image);
+    again = malloc(sizeof *again);
+    assert_non_null(image);
+    assert_non_null(again);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    training_renderer_close(&renderer);
+    training_people_close(&people);
+    free(image);
+    free(again);
+    return 0;
+}
+
+static void render(int index, struct training_scene *scene, struct training_image *out)
+{
+    training_scene_draw(&people, SEED, index, scene);
+    EXPECT_STATUS(training_image_render(renderer, scene, out), OK);
+}
+
+// Whatever was drawn before.
+static void test_the_same_seed_gives_the_same(void **state)
+{
+    (void)state;
+    static const int order[] = {7, 3, 12, 3, 7};
+    struct training_scene scene;
+    uint16_t depth[2][64];
+    for (size_t i = 0; i < COUNT_OF(order); i++) {
+        render(order[i], &scene, image);
+        render(order[i], &scene, again);
+        const size_t pixels = (size_t)image->width * (size_t)image->height;
+        EXPECT_TRUE(!memcmp(image->depth, again->depth, 2 * pixels) && !memcmp(image->part, again->part, pixels));
+        if (order[i] == 3)
+            memcpy(depth[i > 1], image->depth + pixels / 2, sizeof depth[0]);
+    }
+    EXPECT_TRUE(!memcmp(depth[0], depth[1], sizeof depth[0]));
+}
+
+// A joint that is seen lies behind the skin in its pixel, no deeper than the body is thick there; its part's pixels are
+// about it.
+static void test_joints_are_in_the_body(void **state)
+{
+    (void)state;
+    enum { IMAGES = 150 };
+    int seen = 0, deep = 0, hidden = 0;
+    for (int i = 0; i < IMAGES; i++) {
+        struct training_scene scene;
+        render(i, &scene, image);
+        for (int j = 0; j < JOINT_COUNT && image->person; j++) {
+            const struct vec3 p = image->joints.joint[j];
+            hidden += image->joints.confidence[j] > 0 && image->joints.confidence[j] < 1;
+            if (image->joints.confidence[j] < 1)
+                continue;
+            const int x = (int)lround(scene.lens.fx * p.x / p.z + scene.lens.cx),
+                      y = (int)lround(scene.lens.fy * p.y / p.z + scene.lens.cy);
+            const int part = image->part[y * image->width + x], mm = image->depth[y * image->width + x];
+            EXPECT_TRUE(part != TRAINING_NOTHING && part != TRAINING_OTHER);
+            seen++;
+            deep += mm && fabs(p.z - 1e-3 * mm) > 0.3;
+        }
+    }
+    print_message("seed %d: of %d joints that are seen %d are 30 cm from their pixel's reading; %d are hidden\n", SEED,
+                  seen, deep, hidden);
+    EXPECT_AT_LEAST(seen, 5 * IMAGES);
+    EXPECT_AT_LEAST(hidden, IMAGES);
+    EXPECT_AT_MOST(deep, seen / 20); // noise reads beside an arm; 1 % seen
+}
+
+static void test_every_kind_occurs(void **state)
+{
+    (void)state;
+    enum { IMAGES = 900 };
+    int posture[POSTURES + 1] = {0}, sensor[TRAINING_SENSORS] = {0}, nobody = 0, two = 0, turned = 0;
+    for (int i = 0; i < IMAGES; i++) {
+        struct training_scene scene;
+        training_scene_draw(&people, SEED, i, &scene);
+        sensor[scene.sensor]++;
+        nobody += !scene.person_count;
+        two += scene.person_count > 1;
+        if (scene.person_count)
+            posture[scene.person[0].posture]++;
+        const struct vec3 right = quat_rotate(scene.world_from_camera.rotation, v3(1, 0, 0));
+        turned += fabs(right.z) > 0.6;
+    }
+    for (int k = 0; k < POSTURES; k++)
+        EXPECT_AT_LEAST(posture[k], IMAGES / 40);
+    EXPECT_INT(posture[POSTURES], 0); // there are no motions
+    for (int k = 0; k < TRAINING_SENSORS; k++)
+        EXPECT_AT_LEAST(sensor[k], IMAGES / 6);
+    EXPECT_TRUE(nobody > IMAGES / 25 && nobody < IMAGES / 6);
+    EXPECT_TRUE(two > IMAGES / 15 && two < IMAGES / 4);
+    EXPECT_TRUE(turned > IMAGES / 20 && turned < IMAGES / 5);
+}
+
+// Nobody is in it: no part, no joint.
+static void test_nobody(void **state)
+{
+    (void)state;
+    int empty = 0;
+    for (int i = 0; i < 60; i++) {
+        struct training_scene scene;
+        training_scene_draw(&people, SEED, i, &scene);
+        if (scene.person_count)
+            continue;
+        EXPECT_STATUS(training_image_render(renderer, &scene, image), OK);
+        empty++;
+        EXPECT_TRUE(!image->person);
+        for (int k = 0; k < image->width * image->height; k++)
+            EXPECT_INT(image->part[k], TRAINING_NOTHING);
+        for (int j = 0; j < JOINT_COUNT; j++)
+            EXPECT_NEAR(image->joints.confidence[j], 0, 0);
+    }
+    EXPECT_AT_LEAST(empty, 1);
+}
+
+// A ball at a known place, and the floor before it.
+static void test_solids_are_where_they_are(void **state)
+{
+    (void)state;
+    struct training_scene scene = {
+        .sensor = TRAINING_TIME_OF_FLIGHT,
+        .lens = {.width = 160, .height = 120, .fx = 131, .fy = 131, .cx = 79.5, .cy = 59.5},
+        .world_from_camera = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, -3, 1}}, // looks along y, level
+        .noise_seed = 3,
+        .solid = {{.kind = SOLID_ROD, .at = {0, 0, 1}, .to = {0, 0, 1}, .radius_m = 0.3},
+                  {.kind = SOLID_BOX, .at = {1, 0, 1}, .half = {0.2, 0.2, 0.2}}},
+        .solid_count = 2,
+    };
+    EXPECT_STATUS(training_image_render(renderer, &scene, image), OK);
+    EXPECT_NEAR(image->depth[60 * 160 + 80], 2700, 30);
+    EXPECT_NEAR(image->depth[60 * 160 + 80 + 47], 2800, 30);
+    EXPECT_NEAR(image->depth[110 * 160 + 20], 1000 * 131 / 50.5, 60); // the floor, 1 m below
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_the_same_seed_gives_the_same),
+        cmocka_unit_test(test_joints_are_in_the_body),
+        cmocka_unit_test(test_every_kind_occurs),
+        cmocka_unit_test(test_nobody),
+        cmocka_unit_test(test_solids_are_where_they_are),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
