@@ -226,11 +226,18 @@ static struct repetition_span find_shown(const struct comparison *comparison, st
 }
 
 // Of the wholes, in whose frames it is, only what shows the stretch remains.
-static void mask_timeline(struct timeline *timeline, struct repetition_span wanted)
+static void mask_wholes(struct comparison *comparison, struct repetition_span wanted)
 {
+    struct timeline *timeline = &comparison->timeline;
+    struct alignment *alignment = &comparison->alignment;
+    int32_t kept = 0;
     for (int32_t f = 0; f < timeline->count; f++)
         if (timeline->reference[f] < (float)wanted.first || timeline->reference[f] > (float)(wanted.end - 1))
             timeline->reference[f] = NAN;
+    for (int32_t k = 0; k < alignment->count; k++)
+        if (alignment->pairs[k].a >= wanted.first && alignment->pairs[k].a < wanted.end)
+            alignment->pairs[kept++] = alignment->pairs[k];
+    alignment->count = kept;
 }
 
 // The attempt may hold the whole movement, several times where the reference has it once, or as often as the
@@ -243,7 +250,7 @@ static enum status align_stretch(struct comparison *comparison, struct timeline 
     const struct repetition_span shown = find_shown(comparison, wanted);
     const int32_t count = comparison->repetitions.count;
     if (status == OK && count && count != comparison->repetitions.all_references) {
-        mask_timeline(&comparison->timeline, wanted);
+        mask_wholes(comparison, wanted);
         comparison->counted_a = wanted;
         return OK;
     }

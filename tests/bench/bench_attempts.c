@@ -58,7 +58,7 @@ static enum status open_motions(struct trial *t, const char *folder)
 static enum status make_attempt(const struct trial *t, int i, struct attempt *a)
 {
     const int index = t->dice->only >= 0 ? t->dice->only : i;
-    struct dice_motions one = {&t->motions.name[index / EDIT_KINDS % t->motions.count], 1};
+    struct dice_motions one = {.name = &t->motions.name[index / EDIT_KINDS % t->motions.count], .count = 1};
     const struct attempt_wish wish = {t->dice->seed, t->dice->seconds, t->dice->films ? &t->motions : &one};
     enum status status = attempt_plan_draw(&a->plan, &wish, index);
     a->made = status == OK;

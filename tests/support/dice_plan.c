@@ -85,7 +85,7 @@ enum status dice_motions_open(struct dice_motions *m, const char *folder)
 
 enum status dice_motions_open_postures(struct dice_motions *m, uint64_t seed, int count)
 {
-    *m = (struct dice_motions){0};
+    *m = (struct dice_motions){.stays = true};
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++) {
         char name[64];
@@ -182,6 +182,8 @@ enum status dice_plan_draw(struct dice_plan *out, const struct dice_wish *wish, 
     struct rng rng = rng_of(wish->seed, index);
     *out = (struct dice_plan){.seed = wish->seed, .noise_seed = rng.state, .index = index, .plain = wish->plain};
     out->situation = draw_situation(&rng);
+    if (wish->motions->stays && (out->situation == DICE_ENTERS || out->situation == DICE_LEAVES))
+        out->situation = DICE_CLEAR;
     out->scale = rng_uniform(&rng) < 0.25 ? 1 : 0.5;
     out->swept = rng_uniform(&rng) < 0.5;
     draw_figure(&rng, &out->actor);

@@ -26,6 +26,7 @@ const char *dice_situation_name(enum dice_situation s);
 struct dice_motions {
     char **name;
     int count;
+    bool stays; // they do not walk: who would enter or leave is in view all the time
 };
 // folder NULL: the world's own alone. Sorted by name. ERR_MISSING: no BVH file there. ERR_MEMORY.
 MUST_CHECK enum status dice_motions_open(struct dice_motions *m, const char *folder);
