@@ -10,6 +10,7 @@
 #include <apriltag/tagCustom48h12.h>
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -106,8 +107,23 @@ const char *tag_family_name(int family) { return families[family].name; }
 
 struct tag_detector {
     apriltag_detector_t *detector;
-    apriltag_family_t *family;
 };
+
+// The library's table of all codes with up to two wrong bits takes 18 MB and longer to fill than a picture to look
+// through. It is only read then: it is made once and kept to the program's end, for all detectors of all threads.
+static bool add_shared_family(apriltag_detector_t *detector)
+{
+    static pthread_mutex_t making = PTHREAD_MUTEX_INITIALIZER;
+    static apriltag_family_t *family;
+    pthread_mutex_lock(&making);
+    if (!family)
+        family = tag36h11_create();
+    const bool made = family;
+    if (made)
+        apriltag_detector_add_family(detector, family);
+    pthread_mutex_unlock(&making);
+    return made;
+}
 
 enum status tag_detector_open(struct tag_detector **out, double quad_decimate)
 {
@@ -118,13 +134,11 @@ enum status tag_detector_open(struct tag_detector **out, double quad_decimate)
     struct tag_detector *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "no memory for the tag detector");
-    f->family = tag36h11_create();
     f->detector = apriltag_detector_create();
-    if (!f->family || !f->detector) {
+    if (!f->detector || !add_shared_family(f->detector)) {
         tag_detector_close(&f);
         return fail(ERR_MEMORY, "no memory for the tag detector");
     }
-    apriltag_detector_add_family(f->detector, f->family);
     f->detector->quad_decimate = (float)quad_decimate;
     f->detector->nthreads = 1;
     *out = f;
@@ -135,10 +149,10 @@ void tag_detector_close(struct tag_detector **detector)
 {
     if (!*detector)
         return;
-    if ((*detector)->detector)
+    if ((*detector)->detector) {
+        zarray_clear((*detector)->detector->tag_families); // or the shared table would be freed
         apriltag_detector_destroy((*detector)->detector);
-    if ((*detector)->family)
-        tag36h11_destroy((*detector)->family);
+    }
     free(*detector);
     *detector = NULL;
 }

@@ -67,6 +67,26 @@ static void test_duplicate_tags_are_both_reported(void **state)
     EXPECT_TRUE(seen[0].corner[0].x < seen[1].corner[0].x);
 }
 
+// Detectors share what they look numbers up in.
+static void test_one_is_closed_another_goes_on(void **state)
+{
+    (void)state;
+    struct place_tag tag = {.id = 17, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
+    struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 262.5),
+                            .tags = &tag,
+                            .tag_count = 1,
+                            .world_from_camera = tag_picture_view(1, 0, 0, 0)};
+    struct tag_detector *first;
+    struct tag_detection seen[8];
+    int count;
+    EXPECT_STATUS(tag_detector_open(&first, 1), OK);
+    EXPECT_INT(find(&p, 1, seen), 1); // a second, opened and closed
+    EXPECT_STATUS(tag_detector_detect(first, &(struct gray_image){gray, WIDTH, HEIGHT}, seen, 8, &count), OK);
+    EXPECT_INT(count, 1);
+    EXPECT_INT(seen[0].id, 17);
+    tag_detector_close(&first);
+}
+
 static void test_blank_image(void **state)
 {
     (void)state;
@@ -108,6 +128,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_corner_order),
         cmocka_unit_test(test_duplicate_tags_are_both_reported),
+        cmocka_unit_test(test_one_is_closed_another_goes_on),
         cmocka_unit_test(test_blank_image),
         cmocka_unit_test(test_invalid_options),
     };
