@@ -128,19 +128,39 @@ static const char *last_part(const char *path)
     return slash ? slash + 1 : path;
 }
 
+// A posture of another seed ("push-up:7") is the same motion.
+static bool is_same_motion(const char *a, const char *b)
+{
+    const size_t length = strcspn(a, ":");
+    return length == strcspn(b, ":") && !strncmp(a, b, length);
+}
+
+static bool is_repeated(const struct dice_motions *motions, int index)
+{
+    for (int i = 0; i < index; i++)
+        if (is_same_motion(motions->name[i], motions->name[index]))
+            return true;
+    return false;
+}
+
 static enum status add_motions(struct dice_trial *t)
 {
     enum status status = OK;
     for (int i = 0; i < t->motions.count && status == OK; i++) {
         struct dice_trial of = *t;
+        char name[64];
+        if (is_repeated(&t->motions, i))
+            continue;
         of.count = 0;
         of.films = calloc((size_t)t->count, sizeof *of.films);
         if (!of.films)
             return fail(ERR_MEMORY, "no memory for the bench");
         for (int k = 0; k < t->count; k++)
-            if (t->films[k].plan.actor.motion == t->motions.name[i])
+            if (is_same_motion(t->films[k].plan.actor.motion, t->motions.name[i]))
                 of.films[of.count++] = t->films[k]; // borrowed
-        status = add_rows(&of, last_part(t->motions.name[i]), (struct dice_group){0});
+        const char *part = last_part(t->motions.name[i]);
+        snprintf(name, sizeof name, "%.*s", (int)strcspn(part, ":"), part);
+        status = add_rows(&of, name, (struct dice_group){0});
         free(of.films);
     }
     return status;
@@ -199,6 +219,8 @@ static void print_command(const struct dice_trial *t, int i)
         printf(" --seconds %g", t->dice->seconds);
     if (t->motions_folder)
         printf(" --motions %s", t->motions_folder);
+    if (t->dice->postures)
+        printf(" --postures");
     if (t->dice->color)
         printf(" --color");
     printf("\n");
