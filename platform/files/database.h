@@ -49,7 +49,7 @@ MUST_CHECK enum status database_has_column(struct database *db, const char *tabl
 bool database_in_transaction(const struct database *db);
 
 // BEGIN IMMEDIATE of a change: gives the file its mark, if it has none, and writes page 1, so that every journal, and
-// every log from its beginning, holds it and can be proved to be the file's (database_journal.h, database_log.h).
+// every log from its beginning, holds it and can be proved to be the file's (database_sides.c).
 MUST_CHECK enum status database_begin(struct database *db);
 
 // Whether that is the view that holds the mark.

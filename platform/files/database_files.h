@@ -7,8 +7,8 @@
 //   has left in its log, it reads from there, page by page, and SQLite sees one sound file without either. While it
 //   reads, a shared flock on the log keeps writers away (database_lock_writer takes an exclusive one); between
 //   transactions it looks anew. Beside a writer that is at work it reads the log as SQLite does.
-// - A journal or a log is used, by writers, too, only where it is proved to be this file's (database_journal.h,
-//   database_log.h). Otherwise SQLite's call fails, and the sentence is kept here.
+// - A journal or a log is used, by writers, too, only where it is proved to be this file's (database_sides.c).
+//   Otherwise SQLite's call fails, and the sentence is kept here.
 //
 // One for each connection, in its thread. database.c is the user.
 #pragma once

@@ -2,9 +2,51 @@
 // used, what a reader takes from them, and why one is refused. A part of database_files.h, which has the promises.
 #pragma once
 #include "base/status.h"
-#include "platform/files/database_pages.h"
 
 #include <sys/stat.h>
+
+// ---------------------------------------------------------------- pages in another file
+
+// Pages of an SQLite file that lie in a file beside it: in its rollback journal, as they were before a change that was
+// not finished, or in its write-ahead log, as they were committed last. And how it is proved that such a file belongs
+// to the one beside which it lies: SQLite itself takes whatever has the name, and destroys the file with another's.
+// Numbers in SQLite's files are big-endian (www.sqlite.org/fileformat2.html).
+
+enum { DATABASE_HEADER_BYTES = 100, DATABASE_PAGE_MAX = 65536, DATABASE_MARK_DIGITS = 32 };
+
+// 128 random bits, in hexadecimal, that name the file among all others: a view, since that has no page of its own and
+// is kept by every copy and VACUUM. It stands in page 1, and so in every journal and log that holds that page.
+#define DATABASE_MARK_BEGIN "CREATE VIEW identity AS SELECT '"
+
+// Bytes that are read from a file or from memory.
+struct byte_source {
+    bool (*read)(void *from, void *to, size_t count, int64_t at); // false: not all of them are there
+    void *from;
+    int64_t count;
+};
+
+struct page_overlay {
+    uint32_t page_bytes, page_count; // page_count: of the file with these pages in it
+    struct overlay_page {
+        uint32_t number; // from 1
+        int64_t at;      // of its bytes, in the file beside
+    } * pages;
+    size_t count, capacity;
+};
+
+// What a file beside a database is to it.
+enum beside {
+    BESIDE_EMPTY,     // it holds nothing that the file needs
+    BESIDE_OWN,       // proved; the overlay holds its pages
+    BESIDE_FOREIGN,   // of another file, or of another version of this one; or there is no proof
+    BESIDE_DAMAGED,   // or no such file at all
+    BESIDE_NAMES_ONE, // a journal that names a file to be deleted with it, as none of ours does
+    BESIDE_NO_MEMORY,
+};
+
+uint32_t database_number_at(const uint8_t *at);
+
+// ---------------------------------------------------------------- files beside a database
 
 enum side_kind { SIDE_JOURNAL, SIDE_LOG, SIDE_INDEX, SIDE_COUNT };
 
