@@ -5,7 +5,7 @@
 #include "base/text.h"
 #include "objects/thing.h"
 #include "platform/files/json.h"
-#include "platform/network/address.h"
+#include "platform/network/http_client.h"
 
 #include <stdio.h>
 #include <stdlib.h>

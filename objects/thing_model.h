@@ -3,7 +3,7 @@
 #pragma once
 #include "base/status.h"
 #include "objects/thing.h"
-#include "platform/vision/scale_features.h"
+#include "platform/vision/image_features.h"
 
 // ---------------------------------------------------------------- texture pyramid
 

@@ -1,7 +1,7 @@
 #include "recording/recorded_things.h"
 
 #include "base/text.h"
-#include "platform/network/address.h"
+#include "platform/network/http_client.h"
 #include "recording/little_endian.h"
 #include "recording/recording_change.h"
 #include "recording/recording_reader.h"

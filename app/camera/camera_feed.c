@@ -4,7 +4,7 @@
 #include "base/clock.h"
 #include "base/threads.h"
 #include "locate/camera_tracker.h"
-#include "platform/sensors/source_player.h"
+#include "platform/sensors/source.h"
 
 #include <pthread.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 
 #include "app/camera/camera_feed.h"
 #include "base/clock.h"
-#include "platform/sensors/source_player.h"
+#include "platform/sensors/source.h"
 #include "recording/depth_picture.h"
 
 #include <stdio.h>

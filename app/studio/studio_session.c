@@ -8,7 +8,7 @@
 #include "capture/mapping/map_advice.h"
 #include "capture/recorder.h"
 #include "platform/files/file.h"
-#include "platform/sensors/source_player.h"
+#include "platform/sensors/source.h"
 #include "recording/depth_picture.h"
 #include "recording/recording.h"
 

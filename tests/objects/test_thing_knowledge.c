@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "objects/thing_knowledge.h"
 #include "platform/files/file.h"
-#include "platform/network/address.h"
+#include "platform/network/http_client.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 

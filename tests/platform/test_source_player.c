@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "platform/sensors/source_player.h"
+#include "platform/sensors/source.h"
 #include "tests/support/film.h"
 
 #include <stdatomic.h>
