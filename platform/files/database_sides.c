@@ -412,9 +412,9 @@ static enum beside read_log_header(struct log *log)
     log->page_bytes = database_number_at(header + LOG_PAGE_BYTES_AT);
     memcpy(log->salts, header + SALTS_AT, SALTS_BYTES);
     add_up(log, header, LOG_SUM_AT);
-    if ((database_number_at(header) & 0xfffffffe) != LOG_MAGIC || database_number_at(header + LOG_FORMAT_AT) != LOG_FORMAT ||
-        !has_sum(log, header + LOG_SUM_AT) || log->page_bytes < 512 || log->page_bytes > DATABASE_PAGE_MAX ||
-        log->page_bytes & (log->page_bytes - 1))
+    if ((database_number_at(header) & 0xfffffffe) != LOG_MAGIC ||
+        database_number_at(header + LOG_FORMAT_AT) != LOG_FORMAT || !has_sum(log, header + LOG_SUM_AT) ||
+        log->page_bytes < 512 || log->page_bytes > DATABASE_PAGE_MAX || log->page_bytes & (log->page_bytes - 1))
         return BESIDE_DAMAGED;
     if (!read_source(log->file, of_file, sizeof of_file, 0) || page_one_page_bytes(of_file) != log->page_bytes)
         return BESIDE_FOREIGN;

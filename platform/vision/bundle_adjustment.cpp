@@ -1,6 +1,6 @@
 // bundle_adjustment.h with Ceres. In names, by_x is the derivative with respect to x.
-#include "platform/vision/bundle_lens.hpp"
-#include "platform/vision/bundle_parameters.hpp"
+#include "platform/vision/bundle_adjustment.h"
+
 #include "platform/vision/memory_reserve.hpp"
 
 #include <algorithm>
@@ -12,10 +12,441 @@
 
 static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not three doubles");
 
-using namespace bundle;
-
 namespace
 {
+
+// ---------------------------------------------------------------- parameters as Ceres sees them
+
+using Vector3 = Eigen::Vector3d;
+using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using Read3 = Eigen::Map<const Vector3>;
+
+// A pose as Ceres's parameters: a rotation applied to the initial one, and a translation. Blocks of three numbers only:
+// Ceres has fixed-size code for these sizes, and no block needs a manifold.
+struct pose_block {
+    Matrix3 start;
+    double gibbs[3]; // twice the Gibbs vector of the rotation: its axis times 2 tan(angle / 2)
+    double shift[3]; // the translation
+};
+
+inline Matrix3 cross(const Vector3 &v)
+{
+    Matrix3 m;
+    m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+    return m;
+}
+
+// The pose of a block at the parameter values of one evaluation.
+struct evaluated_pose {
+    Matrix3 rotation;
+    Matrix3 by_gibbs; // rotation vector, in the outer frame, by a change of `gibbs`
+    Vector3 shift;
+
+    evaluated_pose(const Matrix3 &start, const double *gibbs, const double *translation) : shift(Read3(translation))
+    {
+        Vector3 g = Read3(gibbs) / 2;
+        double square = g.squaredNorm();
+        Matrix3 cross_g = cross(g);
+        rotation = ((1 - square) * Matrix3::Identity() + 2 * (g * g.transpose() + cross_g)) / (1 + square) * start;
+        by_gibbs = (Matrix3::Identity() + cross_g) / (1 + square);
+    }
+
+    // Derivative of rotation * p by `gibbs`.
+    Matrix3 rotated_by_gibbs(const Vector3 &p) const { return -cross(rotation * p) * by_gibbs; }
+};
+
+inline Eigen::Quaterniond rotation_of(const pose &p)
+{
+    return {p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z};
+}
+
+inline pose_block pose_block_from(const pose &p)
+{
+    return {rotation_of(p).toRotationMatrix(), {0, 0, 0}, {p.translation.x, p.translation.y, p.translation.z}};
+}
+
+inline pose pose_from(const pose &start, const pose_block &m)
+{
+    if (Read3(m.gibbs).isZero(0)) // held poses keep their bits
+        return {start.rotation, {m.shift[0], m.shift[1], m.shift[2]}};
+    const Eigen::Quaterniond rotated =
+        (Eigen::Quaterniond(1, m.gibbs[0] / 2, m.gibbs[1] / 2, m.gibbs[2] / 2) * rotation_of(start)).normalized();
+    return {{rotated.x(), rotated.y(), rotated.z(), rotated.w()}, {m.shift[0], m.shift[1], m.shift[2]}};
+}
+
+// Ceres's parameters: copies, so that a failed solution does not change the caller's.
+struct solver_state {
+    std::vector<pose_block> cameras, squares;
+    std::vector<vec3> points;
+    double depth_scale;
+    double lens[BA_LENS_NUMBERS];
+
+    explicit solver_state(const ba_problem &in)
+        : points(in.points, in.points + in.point_count),
+          depth_scale(in.depth_scale ? *in.depth_scale : 1), lens{1, 1, 0, 0, 0}
+    {
+        if (in.lens) {
+            const ba_lens &l = *in.lens;
+            const double start[BA_LENS_NUMBERS] = {l.focal[0], l.focal[1], l.shift[0], l.shift[1], l.bend};
+            std::copy(start, start + BA_LENS_NUMBERS, lens);
+        }
+        for (int32_t i = 0; i < in.camera_count; i++)
+            cameras.push_back(pose_block_from(in.cameras[i].camera_from_world));
+        for (int32_t i = 0; i < in.square_count; i++)
+            squares.push_back(pose_block_from(in.squares[i].world_from_square));
+    }
+
+    void write_back(const ba_problem &in) const
+    {
+        for (int32_t i = 0; i < in.camera_count; i++)
+            in.cameras[i].camera_from_world = pose_from(in.cameras[i].camera_from_world, cameras[(size_t)i]);
+        for (int32_t i = 0; i < in.square_count; i++)
+            in.squares[i].world_from_square = pose_from(in.squares[i].world_from_square, squares[(size_t)i]);
+        for (int32_t i = 0; i < in.point_count; i++)
+            in.points[i] = points[(size_t)i];
+        if (in.depth_scale)
+            *in.depth_scale = depth_scale;
+        if (in.lens) {
+            std::copy(lens, lens + 2, in.lens->focal);
+            std::copy(lens + 2, lens + 4, in.lens->shift);
+            in.lens->bend = lens[4];
+        }
+    }
+};
+
+// ---------------------------------------------------------------- errors where the lens is estimated
+
+// Differentiated automatically: a lens is fitted once a map, not in the loop that builds it.
+
+template <class T> using vector3 = Eigen::Matrix<T, 3, 1>;
+
+// The rotation of a pose block: evaluated_pose's, of any scalar.
+template <class T> vector3<T> rotated(const Matrix3 &start, const T *gibbs, const vector3<T> &p)
+{
+    const vector3<T> half = Eigen::Map<const vector3<T>>(gibbs) / T(2), q = start.cast<T>() * p, across = half.cross(q);
+    return q + (across + half.cross(across)) * (T(2) / (T(1) + half.squaredNorm()));
+}
+
+template <class T> vector3<T> moved(const Matrix3 &start, const T *gibbs, const T *shift, const vector3<T> &p)
+{
+    return rotated<T>(start, gibbs, p) + Eigen::Map<const vector3<T>>(shift);
+}
+
+// Where a point in camera axes appears on the plane z = 1 of the lens as it was given. lens: as ba_lens.
+template <class T> Eigen::Matrix<T, 2, 1> appears_at(const T *lens, const vector3<T> &p)
+{
+    const T x = p[0] / p[2], y = p[1] / p[2], bent = T(1) + lens[4] * (x * x + y * y);
+    return {lens[0] * x * bent + lens[2], lens[1] * y * bent + lens[3]};
+}
+
+// Blocks: the camera's rotation and translation, the square's, the lens.
+struct lens_corner_error {
+    const ba_corners *seen;
+    const pose_block *camera, *square;
+    double half, fx, fy;
+
+    template <class T>
+    bool operator()(const T *turn, const T *shift, const T *own_turn, const T *own_shift, const T *lens, T *out) const
+    {
+        T off[8];
+        for (int k = 0; k < 4; k++) {
+            const vector3<T> own(T(k == 1 || k == 2 ? half : -half), T(k >= 2 ? half : -half), T(0));
+            const vector3<T> p =
+                moved<T>(camera->start, turn, shift, moved<T>(square->start, own_turn, own_shift, own));
+            if (!(p[2] > T(1e-3)))
+                return false;
+            const Eigen::Matrix<T, 2, 1> at = appears_at<T>(lens, p);
+            off[2 * k] = fx * at[0] - seen->observed[2 * k];
+            off[2 * k + 1] = fy * at[1] - seen->observed[2 * k + 1];
+        }
+        for (int i = 0; i < 8; i++) {
+            out[i] = T(0);
+            for (int j = 0; j < 8; j++)
+                out[i] += seen->whiten[i][j] * off[j];
+        }
+        return true;
+    }
+};
+
+// One more block: the factor of measured depths.
+struct lens_plane_error {
+    const ba_plane_depth *seen;
+    const pose_block *camera, *square;
+
+    template <class T>
+    bool operator()(const T *turn, const T *shift, const T *own_turn, const T *own_shift, const T *lens, const T *scale,
+                    T *out) const
+    {
+        const T x = (seen->x - lens[2]) / lens[0], y = (seen->y - lens[3]) / lens[1];
+        const T straight = T(1) / (T(1) + lens[4] * (x * x + y * y));
+        const vector3<T> ray(x * straight, y * straight, T(1));
+        const vector3<T> normal =
+            rotated<T>(camera->start, turn, rotated<T>(square->start, own_turn, vector3<T>(T(0), T(0), T(1))));
+        const vector3<T> centre =
+            moved<T>(camera->start, turn, shift, vector3<T>(own_shift[0], own_shift[1], own_shift[2]));
+        const T slant = normal.dot(ray);
+        if (!(slant * slant > T(1e-6)))
+            return false;
+        out[0] = (normal.dot(centre) / slant - scale[0] * seen->z) / seen->sigma_m;
+        return true;
+    }
+};
+
+// Blocks: the camera's rotation and translation, the point, the lens, the factor of measured depths.
+struct lens_point_error {
+    const ba_observation *seen;
+    const pose_block *camera;
+    double of_x, of_both, of_y; // [of_x 0; of_both of_y] whitens an error on the plane z = 1
+
+    lens_point_error(const ba_observation *s, const pose_block *of_camera, double fx, double fy)
+        : seen(s), camera(of_camera)
+    {
+        const double xx = s->covariance[0], xy = s->covariance[1], yy = s->covariance[2];
+        of_x = fx / std::sqrt(xx);
+        of_y = fy / std::sqrt(yy - xy * xy / xx);
+        of_both = -of_y * xy / xx * fx / fy;
+    }
+
+    template <class T>
+    bool operator()(const T *turn, const T *shift, const T *point, const T *lens, const T *scale, T *out) const
+    {
+        const vector3<T> p = moved<T>(camera->start, turn, shift, vector3<T>(point[0], point[1], point[2]));
+        if (!(p[2] > T(1e-3)))
+            return false;
+        const Eigen::Matrix<T, 2, 1> at = appears_at<T>(lens, p);
+        const T x = at[0] - seen->x, y = at[1] - seen->y;
+        out[0] = of_x * x;
+        out[1] = of_both * x + of_y * y;
+        out[2] = seen->z > 0 ? (p[2] - scale[0] * seen->z) / seen->sigma_m : T(0);
+        return true;
+    }
+};
+
+// The prior of the lens: the given one, with standard deviations that no lens worth the name exceeds and that keep the
+// problem from being singular.
+struct lens_prior {
+    template <class T> bool operator()(const T *lens, T *out) const
+    {
+        const double sigma[5] = {0.5, 0.5, 0.3, 0.3, 0.5};
+        for (int i = 0; i < 5; i++)
+            out[i] = (lens[i] - (i < 2 ? 1.0 : 0.0)) / sigma[i];
+        return true;
+    }
+};
+
+// ---------------------------------------------------------------- covariances
+
+// The covariance of the squares' poses and of the lens after bundle adjustment: the inverse of the poses' information
+// with points marginalised (Schur complement), scaled by estimated variance components.
+
+// The blocks that are not held, points first, with their columns in the Jacobian.
+struct jacobian_columns {
+    std::vector<double *> blocks;
+    std::vector<int> square; // first of its six columns (rotation, translation); -1: held or not observed
+    int lens = -1;           // first of its columns
+    int points = 0, all = 0;
+
+    jacobian_columns(const ba_problem &in, solver_state &c, const ceres::Problem &problem)
+    {
+        for (int32_t i = in.held_points; i < in.point_count; i++)
+            add(problem, &c.points[(size_t)i].x, 3);
+        points = all;
+        for (pose_block &m : c.cameras) {
+            add(problem, m.gibbs, 3);
+            add(problem, m.shift, 3);
+        }
+        for (pose_block &m : c.squares) {
+            square.push_back(problem.HasParameterBlock(m.gibbs) && !problem.IsParameterBlockConstant(m.gibbs) ? all
+                                                                                                              : -1);
+            add(problem, m.gibbs, 3);
+            add(problem, m.shift, 3);
+        }
+        if (in.depth_scale)
+            add(problem, &c.depth_scale, 1);
+        if (in.lens) {
+            lens = all;
+            add(problem, c.lens, BA_LENS_NUMBERS);
+        }
+    }
+
+  private:
+    void add(const ceres::Problem &problem, double *block, int size)
+    {
+        if (!problem.HasParameterBlock(block) || problem.IsParameterBlockConstant(block))
+            return;
+        blocks.push_back(block);
+        all += size;
+    }
+};
+
+// The Jacobian of the whitened errors, by rows.
+struct sparse_jacobian {
+    ceres::CRSMatrix all;
+    int points; // columns of points: the first ones
+
+    int begin(int row) const { return all.rows[(size_t)row]; }
+    int end(int row) const { return all.rows[(size_t)row + 1]; }
+    int column(int i) const { return all.cols[(size_t)i]; }
+    double value(int i) const { return all.values[(size_t)i]; }
+};
+
+// The Schur complement's term of one point, as a factor: out * out' is to be subtracted from the poses' information.
+// rows: those of the point's errors. out: three columns.
+void add_point(const sparse_jacobian &jacobian, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
+{
+    Matrix3 own = Matrix3::Zero();
+    for (int r : rows) {
+        Vector3 by_point = Vector3::Zero();
+        for (int i = jacobian.begin(r); i < jacobian.end(r); i++)
+            if (jacobian.column(i) < jacobian.points)
+                by_point[jacobian.column(i) % 3] = jacobian.value(i);
+        own += by_point * by_point.transpose();
+        for (int i = jacobian.begin(r); i < jacobian.end(r); i++)
+            if (jacobian.column(i) >= jacobian.points)
+                out.row(jacobian.column(i) - jacobian.points) += jacobian.value(i) * by_point.transpose();
+    }
+    const Eigen::LLT<Matrix3> factor(own);
+    out = factor.matrixL().solve(out.transpose()).transpose().eval();
+    if (!out.allFinite()) // singular (observed along one line): no information of its own to subtract
+        out.setZero();
+}
+
+// Kinds of residuals, in the order in which they are added. PRIOR: of the depth scale and the lens.
+enum kind { CORNERS, PLANE_DEPTHS, OBSERVATIONS, PRIOR, KINDS };
+
+kind kind_of_row(const ba_problem &in, int row)
+{
+    const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count,
+              observations = plane_depths + 3 * in.observation_count;
+    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : row < observations ? OBSERVATIONS : PRIOR;
+}
+
+// The poses' information from each kind of residuals, with points marginalised. Lower triangles.
+std::array<Eigen::MatrixXd, KINDS> information_of_poses(const ba_problem &in, const sparse_jacobian &jacobian)
+{
+    enum { POINTS_AT_A_TIME = 64 };
+    const int poses = jacobian.all.num_cols - jacobian.points, count = jacobian.points / 3;
+    std::array<Eigen::MatrixXd, KINDS> information;
+    information.fill(Eigen::MatrixXd::Zero(poses, poses));
+    Eigen::MatrixXd some(poses, 3 * POINTS_AT_A_TIME);
+    std::vector<std::vector<int>> rows((size_t)count); // of each point
+    for (int r = 0; r < jacobian.all.num_rows; r++) {
+        Eigen::MatrixXd &own = information[kind_of_row(in, r)];
+        int point = -1;
+        for (int i = jacobian.begin(r); i < jacobian.end(r); i++) {
+            if (jacobian.column(i) < jacobian.points)
+                point = jacobian.column(i) / 3;
+            for (int k = jacobian.begin(r); jacobian.column(i) >= jacobian.points && k < jacobian.end(r); k++)
+                if (jacobian.column(k) >= jacobian.column(i))
+                    own(jacobian.column(k) - jacobian.points, jacobian.column(i) - jacobian.points) +=
+                        jacobian.value(i) * jacobian.value(k);
+        }
+        if (point >= 0)
+            rows[(size_t)point].push_back(r);
+    }
+    for (int first = 0; first < count; first += POINTS_AT_A_TIME) {
+        some.setZero();
+        for (int p = first; p < std::min(count, first + POINTS_AT_A_TIME); p++)
+            add_point(jacobian, rows[(size_t)p], some.middleCols(3 * (p - first), 3));
+        information[OBSERVATIONS].selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
+    }
+    return information;
+}
+
+// False for the third row of an observation without depth.
+bool is_informative(const ba_problem &in, int row)
+{
+    const int third = row - 8 * in.corner_count - in.plane_depth_count;
+    return third < 0 || third >= 3 * in.observation_count || third % 3 != 2 || in.observations[third / 3].z > 0;
+}
+
+// Variance components (Foerstner 1979): for each kind of residuals the ratio of their squared sum to their redundancy,
+// that is, the factor by which their variance exceeds the assumed one. 1 where the redundancy is below 20 (chosen by
+// hand). errors: with robust weights, except that observations have none, because their outliers were removed before.
+std::array<double, KINDS> variance_factors(const ba_problem &in, const std::vector<double> &errors, int points,
+                                           const std::array<Eigen::MatrixXd, KINDS> &information,
+                                           const Eigen::MatrixXd &covariance)
+{
+    const double min_redundancy = 20;
+    std::array<double, KINDS> squares{}, redundancy{}, factors;
+    for (size_t r = 0; r < errors.size(); r++) {
+        const kind k = kind_of_row(in, (int)r);
+        squares[k] += errors[r] * errors[r];
+        redundancy[k] += is_informative(in, (int)r);
+    }
+    redundancy[OBSERVATIONS] -= points;
+    for (size_t k = 0; k < KINDS; k++) {
+        Eigen::MatrixXd whole = information[k].selfadjointView<Eigen::Lower>();
+        redundancy[k] -= covariance.cwiseProduct(whole).sum();
+        factors[k] = k != PRIOR && redundancy[k] > min_redundancy ? squares[k] / redundancy[k] : 1;
+    }
+    return factors;
+}
+
+// The Jacobian from each square's own axes, and from the lens's numbers, to the parameters.
+Eigen::MatrixXd motions(const ba_problem &in, const solver_state &c, const jacobian_columns &which, int squares)
+{
+    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(which.all - which.points, squares + (in.lens ? BA_LENS_NUMBERS : 0));
+    for (int s = 0; 6 * s < squares; s++) {
+        const Matrix3 rotation =
+            rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
+        for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
+            moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = rotation;
+    }
+    if (in.lens)
+        moves.block<BA_LENS_NUMBERS, BA_LENS_NUMBERS>(which.lens - which.points, squares).setIdentity();
+    return moves;
+}
+
+// all: of the squares, then of the lens.
+void write_covariances(const ba_problem &in, int squares, const Eigen::MatrixXd &all)
+{
+    if (squares)
+        Eigen::Map<Eigen::MatrixXd>(in.square_covariance, squares, squares) = all.topLeftCorner(squares, squares);
+    if (in.lens)
+        Eigen::Map<Eigen::Matrix<double, BA_LENS_NUMBERS, BA_LENS_NUMBERS>>(in.lens->covariance) =
+            all.bottomRightCorner<BA_LENS_NUMBERS, BA_LENS_NUMBERS>();
+}
+
+// Fills in.square_covariance and the lens's, as far as they are asked for, at the solution in `c`.
+//
+// The covariance of weighted least squares whose weights come from the assumed variances, while the residuals have the
+// estimated ones.
+void find_covariance(const ba_problem &in, solver_state &c, ceres::Problem &problem)
+{
+    const jacobian_columns which(in, c, problem);
+    ceres::Problem::EvaluateOptions options;
+    sparse_jacobian jacobian = {{}, which.points};
+    std::vector<double> errors, whole;
+    const int squares = in.square_covariance ? 6 * in.square_count : 0, n = squares + (in.lens ? BA_LENS_NUMBERS : 0),
+              poses = which.all - which.points;
+    Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
+    write_covariances(in, squares, out);
+    options.parameter_blocks = which.blocks;
+    if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &jacobian.all))
+        return;
+    const std::array<Eigen::MatrixXd, KINDS> information = information_of_poses(in, jacobian);
+    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] +
+                                             information[OBSERVATIONS] + information[PRIOR]);
+    if (factor.info() != Eigen::Success)
+        return;
+    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));
+    options.apply_loss_function = false;
+    if (!problem.Evaluate(options, nullptr, &whole, nullptr, nullptr))
+        return;
+    for (int r = 0; r < (int)errors.size(); r++)
+        if (kind_of_row(in, r) == OBSERVATIONS)
+            errors[(size_t)r] = whole[(size_t)r];
+    const std::array<double, KINDS> factors = variance_factors(in, errors, which.points, information, covariance);
+    const Eigen::MatrixXd moves = motions(in, c, which, squares);
+    const Eigen::MatrixXd covariance_of_moves = covariance * moves;
+    for (size_t k = 0; k < KINDS; k++)
+        out += factors[k] * (covariance_of_moves.transpose() *
+                             (information[k].selfadjointView<Eigen::Lower>() * covariance_of_moves));
+    write_covariances(in, squares, out);
+}
+
+// ---------------------------------------------------------------- adjustment
 
 constexpr double ROBUST_SIGMAS = 3;  // scale of the Cauchy kernels, standard deviations; chosen by hand
 constexpr double MIN_DEPTH_M = 1e-3; // a point nearer to the camera's plane makes a step invalid
@@ -445,221 +876,4 @@ enum status bundle_adjust(const struct ba_problem *problem)
     } catch (const std::exception &e) {
         return fail(ERR_SOLVER, "the joint adjustment failed (Ceres: %s)", e.what());
     }
-}
-
-// ---------------------------------------------------------------- covariances
-
-// The covariance of the squares' poses and of the lens after bundle adjustment: the inverse of the poses' information
-// with points marginalised (Schur complement), scaled by estimated variance components.
-
-using namespace bundle;
-
-namespace
-{
-
-// The blocks that are not held, points first, with their columns in the Jacobian.
-struct jacobian_columns {
-    std::vector<double *> blocks;
-    std::vector<int> square; // first of its six columns (rotation, translation); -1: held or not observed
-    int lens = -1;           // first of its columns
-    int points = 0, all = 0;
-
-    jacobian_columns(const ba_problem &in, solver_state &c, const ceres::Problem &problem)
-    {
-        for (int32_t i = in.held_points; i < in.point_count; i++)
-            add(problem, &c.points[(size_t)i].x, 3);
-        points = all;
-        for (pose_block &m : c.cameras) {
-            add(problem, m.gibbs, 3);
-            add(problem, m.shift, 3);
-        }
-        for (pose_block &m : c.squares) {
-            square.push_back(problem.HasParameterBlock(m.gibbs) && !problem.IsParameterBlockConstant(m.gibbs) ? all
-                                                                                                              : -1);
-            add(problem, m.gibbs, 3);
-            add(problem, m.shift, 3);
-        }
-        if (in.depth_scale)
-            add(problem, &c.depth_scale, 1);
-        if (in.lens) {
-            lens = all;
-            add(problem, c.lens, BA_LENS_NUMBERS);
-        }
-    }
-
-  private:
-    void add(const ceres::Problem &problem, double *block, int size)
-    {
-        if (!problem.HasParameterBlock(block) || problem.IsParameterBlockConstant(block))
-            return;
-        blocks.push_back(block);
-        all += size;
-    }
-};
-
-// The Jacobian of the whitened errors, by rows.
-struct sparse_jacobian {
-    ceres::CRSMatrix all;
-    int points; // columns of points: the first ones
-
-    int begin(int row) const { return all.rows[(size_t)row]; }
-    int end(int row) const { return all.rows[(size_t)row + 1]; }
-    int column(int i) const { return all.cols[(size_t)i]; }
-    double value(int i) const { return all.values[(size_t)i]; }
-};
-
-// The Schur complement's term of one point, as a factor: out * out' is to be subtracted from the poses' information.
-// rows: those of the point's errors. out: three columns.
-void add_point(const sparse_jacobian &jacobian, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
-{
-    Matrix3 own = Matrix3::Zero();
-    for (int r : rows) {
-        Vector3 by_point = Vector3::Zero();
-        for (int i = jacobian.begin(r); i < jacobian.end(r); i++)
-            if (jacobian.column(i) < jacobian.points)
-                by_point[jacobian.column(i) % 3] = jacobian.value(i);
-        own += by_point * by_point.transpose();
-        for (int i = jacobian.begin(r); i < jacobian.end(r); i++)
-            if (jacobian.column(i) >= jacobian.points)
-                out.row(jacobian.column(i) - jacobian.points) += jacobian.value(i) * by_point.transpose();
-    }
-    const Eigen::LLT<Matrix3> factor(own);
-    out = factor.matrixL().solve(out.transpose()).transpose().eval();
-    if (!out.allFinite()) // singular (observed along one line): no information of its own to subtract
-        out.setZero();
-}
-
-// Kinds of residuals, in the order in which they are added. PRIOR: of the depth scale and the lens.
-enum kind { CORNERS, PLANE_DEPTHS, OBSERVATIONS, PRIOR, KINDS };
-
-kind kind_of_row(const ba_problem &in, int row)
-{
-    const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count,
-              observations = plane_depths + 3 * in.observation_count;
-    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : row < observations ? OBSERVATIONS : PRIOR;
-}
-
-// The poses' information from each kind of residuals, with points marginalised. Lower triangles.
-std::array<Eigen::MatrixXd, KINDS> information_of_poses(const ba_problem &in, const sparse_jacobian &jacobian)
-{
-    enum { POINTS_AT_A_TIME = 64 };
-    const int poses = jacobian.all.num_cols - jacobian.points, count = jacobian.points / 3;
-    std::array<Eigen::MatrixXd, KINDS> information;
-    information.fill(Eigen::MatrixXd::Zero(poses, poses));
-    Eigen::MatrixXd some(poses, 3 * POINTS_AT_A_TIME);
-    std::vector<std::vector<int>> rows((size_t)count); // of each point
-    for (int r = 0; r < jacobian.all.num_rows; r++) {
-        Eigen::MatrixXd &own = information[kind_of_row(in, r)];
-        int point = -1;
-        for (int i = jacobian.begin(r); i < jacobian.end(r); i++) {
-            if (jacobian.column(i) < jacobian.points)
-                point = jacobian.column(i) / 3;
-            for (int k = jacobian.begin(r); jacobian.column(i) >= jacobian.points && k < jacobian.end(r); k++)
-                if (jacobian.column(k) >= jacobian.column(i))
-                    own(jacobian.column(k) - jacobian.points, jacobian.column(i) - jacobian.points) +=
-                        jacobian.value(i) * jacobian.value(k);
-        }
-        if (point >= 0)
-            rows[(size_t)point].push_back(r);
-    }
-    for (int first = 0; first < count; first += POINTS_AT_A_TIME) {
-        some.setZero();
-        for (int p = first; p < std::min(count, first + POINTS_AT_A_TIME); p++)
-            add_point(jacobian, rows[(size_t)p], some.middleCols(3 * (p - first), 3));
-        information[OBSERVATIONS].selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
-    }
-    return information;
-}
-
-// False for the third row of an observation without depth.
-bool is_informative(const ba_problem &in, int row)
-{
-    const int third = row - 8 * in.corner_count - in.plane_depth_count;
-    return third < 0 || third >= 3 * in.observation_count || third % 3 != 2 || in.observations[third / 3].z > 0;
-}
-
-// Variance components (Foerstner 1979): for each kind of residuals the ratio of their squared sum to their redundancy,
-// that is, the factor by which their variance exceeds the assumed one. 1 where the redundancy is below 20 (chosen by
-// hand). errors: with robust weights, except that observations have none, because their outliers were removed before.
-std::array<double, KINDS> variance_factors(const ba_problem &in, const std::vector<double> &errors, int points,
-                                           const std::array<Eigen::MatrixXd, KINDS> &information,
-                                           const Eigen::MatrixXd &covariance)
-{
-    const double min_redundancy = 20;
-    std::array<double, KINDS> squares{}, redundancy{}, factors;
-    for (size_t r = 0; r < errors.size(); r++) {
-        const kind k = kind_of_row(in, (int)r);
-        squares[k] += errors[r] * errors[r];
-        redundancy[k] += is_informative(in, (int)r);
-    }
-    redundancy[OBSERVATIONS] -= points;
-    for (size_t k = 0; k < KINDS; k++) {
-        Eigen::MatrixXd whole = information[k].selfadjointView<Eigen::Lower>();
-        redundancy[k] -= covariance.cwiseProduct(whole).sum();
-        factors[k] = k != PRIOR && redundancy[k] > min_redundancy ? squares[k] / redundancy[k] : 1;
-    }
-    return factors;
-}
-
-// The Jacobian from each square's own axes, and from the lens's numbers, to the parameters.
-Eigen::MatrixXd motions(const ba_problem &in, const solver_state &c, const jacobian_columns &which, int squares)
-{
-    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(which.all - which.points, squares + (in.lens ? BA_LENS_NUMBERS : 0));
-    for (int s = 0; 6 * s < squares; s++) {
-        const Matrix3 rotation =
-            rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
-        for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
-            moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = rotation;
-    }
-    if (in.lens)
-        moves.block<BA_LENS_NUMBERS, BA_LENS_NUMBERS>(which.lens - which.points, squares).setIdentity();
-    return moves;
-}
-
-// all: of the squares, then of the lens.
-void write_covariances(const ba_problem &in, int squares, const Eigen::MatrixXd &all)
-{
-    if (squares)
-        Eigen::Map<Eigen::MatrixXd>(in.square_covariance, squares, squares) = all.topLeftCorner(squares, squares);
-    if (in.lens)
-        Eigen::Map<Eigen::Matrix<double, BA_LENS_NUMBERS, BA_LENS_NUMBERS>>(in.lens->covariance) =
-            all.bottomRightCorner<BA_LENS_NUMBERS, BA_LENS_NUMBERS>();
-}
-
-} // namespace
-
-// The covariance of weighted least squares whose weights come from the assumed variances, while the residuals have the
-// estimated ones.
-void bundle::find_covariance(const ba_problem &in, solver_state &c, ceres::Problem &problem)
-{
-    const jacobian_columns which(in, c, problem);
-    ceres::Problem::EvaluateOptions options;
-    sparse_jacobian jacobian = {{}, which.points};
-    std::vector<double> errors, whole;
-    const int squares = in.square_covariance ? 6 * in.square_count : 0, n = squares + (in.lens ? BA_LENS_NUMBERS : 0),
-              poses = which.all - which.points;
-    Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
-    write_covariances(in, squares, out);
-    options.parameter_blocks = which.blocks;
-    if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &jacobian.all))
-        return;
-    const std::array<Eigen::MatrixXd, KINDS> information = information_of_poses(in, jacobian);
-    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] +
-                                             information[OBSERVATIONS] + information[PRIOR]);
-    if (factor.info() != Eigen::Success)
-        return;
-    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));
-    options.apply_loss_function = false;
-    if (!problem.Evaluate(options, nullptr, &whole, nullptr, nullptr))
-        return;
-    for (int r = 0; r < (int)errors.size(); r++)
-        if (kind_of_row(in, r) == OBSERVATIONS)
-            errors[(size_t)r] = whole[(size_t)r];
-    const std::array<double, KINDS> factors = variance_factors(in, errors, which.points, information, covariance);
-    const Eigen::MatrixXd moves = motions(in, c, which, squares);
-    const Eigen::MatrixXd covariance_of_moves = covariance * moves;
-    for (size_t k = 0; k < KINDS; k++)
-        out += factors[k] * (covariance_of_moves.transpose() *
-                             (information[k].selfadjointView<Eigen::Lower>() * covariance_of_moves));
-    write_covariances(in, squares, out);
 }
