@@ -5,6 +5,8 @@
 #include "platform/files/compress.h"
 #include "recording/depth_codec.h"
 
+#include <stdlib.h>
+
 // ---------------------------------------------------------------- scratch memory
 
 struct rans_coder;
@@ -29,7 +31,17 @@ struct depth_coder {
 };
 
 // Grows a buffer to at least `wanted` bytes. ERR_MEMORY: it is unchanged.
-MUST_CHECK enum status depth_coder_grow(uint8_t **bytes, size_t *capacity, size_t wanted);
+MUST_CHECK static inline enum status depth_coder_grow(uint8_t **bytes, size_t *capacity, size_t wanted)
+{
+    if (wanted <= *capacity)
+        return OK;
+    uint8_t *grown = realloc(*bytes, wanted);
+    if (!grown)
+        return fail(ERR_MEMORY, "no memory for %zu bytes of an image", wanted);
+    *bytes = grown;
+    *capacity = wanted;
+    return OK;
+}
 
 // ---------------------------------------------------------------- pixels
 

@@ -1,8 +1,8 @@
 #include "recording/recorded_expectation.h"
 
 #include "recording/little_endian.h"
-#include "recording/recording_change.h"
 #include "recording/recording_reader.h"
+#include "recording/recording_schema.h"
 
 #include <stdio.h>
 

@@ -3,8 +3,8 @@
 #include "base/text.h"
 #include "platform/network/http_client.h"
 #include "recording/little_endian.h"
-#include "recording/recording_change.h"
 #include "recording/recording_reader.h"
+#include "recording/recording_schema.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,8 +2,8 @@
 
 #include "base/text.h"
 #include "recording/prepared.h"
-#include "recording/recording_change.h"
 #include "recording/recording_reader.h"
+#include "recording/recording_schema.h"
 
 #include <stdarg.h>
 #include <stdio.h>

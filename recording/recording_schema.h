@@ -210,3 +210,12 @@ MUST_CHECK enum status recording_make_tables(struct database *db);  // in an emp
 // Checks that a file is a recording (recording_schema.c). ERR_FORMAT: another file type or a newer schema; ERR_CORRUPT:
 // tables are missing, or it is opened to write and not exactly as made.
 MUST_CHECK enum status recording_check_tables(struct database *db);
+
+// ---------------------------------------------------------------- a change beside the takes
+
+// Changing what a recording holds beside its takes, in one transaction: all of it or nothing.
+
+// Runs `statements` and then insert(db, what). ERR_MISSING, ERR_FORMAT, ERR_IO, ERR_CORRUPT, and what insert returns;
+// on error the file is as it was.
+MUST_CHECK enum status recording_change(const char *path, const char *statements,
+                                        enum status (*insert)(struct database *db, const void *what), const void *what);
