@@ -1,4 +1,4 @@
-// Opening and closing a locator; localisation is in locate/localize.c, tracking in locate/tracking.c.
+// Opening and closing a locator, and what localisation from scratch and tracking (locate/localize.c) share.
 #include "locate/locator.h"
 
 #include "locate/locator_internal.h"
@@ -368,7 +368,7 @@ int32_t locator_moved_tags(const struct locator *locator, int32_t *first)
 // ---------------------------------------------------------------- locator
 
 // A landmark's count of searches in vain starts at 3. A search is expected to find it with the weight 1 / (1 + count),
-// see tracking.c: so one that was never searched for counts a quarter of one that was just found, as if it
+// see localize.c: so one that was never searched for counts a quarter of one that was just found, as if it
 // had been found and then missed three times. Chosen by hand.
 enum { UNKNOWN_MISSED_COUNT = 3 };
 

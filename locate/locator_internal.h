@@ -1,6 +1,5 @@
 // What the locator's files share: the place, the current image, and what is tracked into the next one.
-// Calls go downwards only:
-//     localize.c -> tracking.c -> locator.c
+// Calls go downwards only: from localize.c to locator.c.
 #pragma once
 #include "locate/focal_estimate.h"
 #include "locate/klt_patch.h"
@@ -140,29 +139,3 @@ void locator_observe_focal(struct locator *locator, const struct pose_problem *p
 // Adds the position's uncertainty due to an uncertain focal length to the pose's covariance.
 void locator_add_focal_variance(const struct locator *locator, const struct pose_problem *problem,
                                 const struct pose *camera_from_world, double covariance[36]);
-
-// Where a point is in camera axes at the time when its row is read.
-struct vec3 locator_point_in_camera(const struct locator *locator, const struct pose *camera_from_world,
-                                    struct vec3 world, double time_s);
-// Starts a track of something seen at a pixel, if there is space and enough texture. point, seen: as in struct
-// point_track.
-void locator_add_track(struct locator *locator, int32_t point, struct vec3 world, const double seen[3], struct pixel at,
-                       const struct pose *camera_from_world);
-// Removes track i; the last one takes its index.
-void locator_drop_track(struct locator *locator, int i);
-
-// Features matched to landmarks become tracks, as far as there is space and none is near. found: of locator->matches.
-void locator_add_landmark_tracks(struct locator *locator, int found, const struct pose *camera_from_world);
-// Searches a small part of the image, where most is to be gained, for new landmarks.
-MUST_CHECK enum status locator_activate_landmarks(struct locator *l, const uint16_t *depth,
-                                                  const struct pose *camera_from_world);
-
-// After localising from scratch: starts tracks of what the image showed. agree: of locator->matches; covariance: of the
-// pose.
-void locator_start_tracks(struct locator *locator, const struct pnp_tag *tags, int agree,
-                          const struct pose *camera_from_world, const double covariance[36]);
-// Finds the tracks in locator->gray near where the pose puts them. False: too few are found.
-bool locator_track_patches(struct locator *locator, const struct pose *camera_from_world);
-// Then the pose from the tracks. As locator_track.
-MUST_CHECK enum status locator_solve_tracks(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                                            struct pose camera_from_world, struct location *out);

@@ -3,7 +3,7 @@
 // Minimises the robust, whitened reprojection error of tag corners and landmarks, and depth residuals where there is
 // depth, by Levenberg-Marquardt (base/least_squares.h). Robust kernel: Cauchy, c^2 ln(1 + chi^2 / c^2), one kernel a
 // tag (all eight numbers of its corners), a landmark (with its depth) or a depth sample. Tags give the starting points:
-// both planar poses of each tag (IPPE, see locate/planar_pose.h); tags that disagree with the best pose are left out.
+// both planar poses of each tag (IPPE, see below); tags that disagree with the best pose are left out.
 //
 // The pose is camera_from_world. It is updated on the left: T <- exp(d) T. The order of every 6-vector is
 // (rotation x, y, z in radians; translation x, y, z in metres), in camera axes (x right, y down, z forward). Matrices
@@ -11,11 +11,13 @@
 //
 // Pure; no allocation, but large arrays on the stack (about 40 KiB). Safe from any thread.
 #pragma once
-#include "locate/planar_pose.h"
+#include "base/geometry.h"
 #include "locate/rolling_shutter.h"
 #include "locate/tag_corners.h"
 #include "locate/tag_model.h"
 #include "recording/place.h"
+
+// ---------------------------------------------------------------- pose solver
 
 enum { PNP_MAX_TAGS = 64 };
 
@@ -101,3 +103,22 @@ double pnp_tag_cost(const struct pnp_tag *tag, const struct pose *camera_from_wo
 // Reprojection error of a point in its standard deviations (Mahalanobis distance); or PNP_NOT_VISIBLE.
 double pnp_point_error(const struct pnp_point *p, const struct shutter_motion *motion,
                        const struct pose *camera_from_world, double fx, double fy);
+
+// ---------------------------------------------------------------- planar pose
+
+// Planar pose: the pose of one square from its four corners. Infinitesimal plane-based pose estimation (IPPE, Collins &
+// Bartoli 2014): both solutions in closed form, since a square seen nearly without perspective looks the same mirrored.
+// Camera axes: x right, y down, z forward; rays lie on the plane z = 1. Pure.
+
+// The homography from the square's own (u, v) to the plane z = 1; corner k is at (-1,-1), (1,-1), (1,1), (-1,1).
+// Closed form of Heckbert 1989. Row-major, h[8] = 1. False: three corners in a line, or a number that is not finite.
+bool planar_homography(const struct vec3 ray[4], double h[9]);
+
+// ray: the corners in place.h's order. Writes the poses camera_from_tag that put the square in front of the camera with
+// its face towards it, and returns how many: 0, 1 or 2. Not refined: exact only for exact corners.
+int planar_poses(double side_m, const struct vec3 ray[4], struct pose camera_from_tag[2]);
+
+// A lower bound of the distance, metres, between where a square is and where it is expected: the smaller of its two
+// solutions', less 3 % of the range, since the range of a distant square is uncertain by a share of it (chosen by
+// hand). 0 also when the corners give no pose.
+double planar_pose_offset_m(double side_m, const struct vec3 ray[4], const struct pose *expected_camera_from_tag);

@@ -2,7 +2,7 @@
 
 #include "base/least_squares.h"
 #include "base/linear_algebra.h"
-#include "locate/planar_pose.h"
+#include "locate/pose_solver.h"
 #include "locate/rolling_shutter.h"
 #include "locate/tag_model.h"
 

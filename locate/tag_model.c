@@ -2,7 +2,7 @@
 
 #include "base/clamp.h"
 #include "base/linear_algebra.h"
-#include "locate/planar_pose.h"
+#include "locate/pose_solver.h"
 #include "locate/tag_corners.h"
 
 #include <stdlib.h>

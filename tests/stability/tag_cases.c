@@ -1,4 +1,4 @@
-// Poses from square tags (locate/planar_pose.h, pose_solver.h): head-on, edge-on, far, and corners that are no square.
+// Poses from square tags (locate/pose_solver.h): head-on, edge-on, far, and corners that are no square.
 #include "base/portable_math.h"
 #include "locate/pose_solver.h"
 #include "tests/stability/stability.h"
