@@ -1,8 +1,10 @@
 #include "reenact/export/actor_export.h"
 
+#include "base/text.h"
 #include "formats/glb_builder.h"
 #include "formats/ply.h"
 #include "platform/files/png.h"
+#include "reenact/export/viewer_page.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -426,4 +428,24 @@ enum status actor_export_glb(const struct actor_export *a, uint8_t **bytes, size
     glb_close(&g);
     actor_motion_free(&motion);
     return status;
+}
+
+// ---------------------------------------------------------------- viewer page
+
+// The viewer page: viewer.html, embedded at build time, with the title and the model put in.
+
+void actor_export_page(const char *name, const uint8_t *glb, size_t count, FILE *out)
+{
+    static const char title[] = "@TITLE@", model[] = "@MODEL@";
+    for (const char *at = viewer_page; *at;) {
+        if (!strncmp(at, title, sizeof title - 1)) {
+            html_put_text(out, name);
+            at += sizeof title - 1;
+        } else if (!strncmp(at, model, sizeof model - 1)) {
+            html_put_base64(out, glb, count);
+            at += sizeof model - 1;
+        } else {
+            fputc(*at++, out);
+        }
+    }
 }

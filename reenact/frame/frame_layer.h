@@ -1,7 +1,7 @@
 // A frame layer: what one recorded frame adds to the avatar while that frame is shown: its colours and depth about the
 // actor, the registration of the avatar to it (articulated_icp.h), the non-rigid deformation (deformation.h) and the
 // exposure (frame_layer.c). It depends on the take and the avatar alone, not on the viewpoint, so it can be prefetched
-// on any thread; frame_layer_cache.h uploads it. Deterministic. One loader, one thread; loaders with their own take
+// on any thread; avatar_renderer.c uploads it. Deterministic. One loader, one thread; loaders with their own take
 // handles may share an avatar.
 #pragma once
 #include "reenact/avatar/avatar.h"

@@ -1,7 +1,7 @@
 // Draws the avatar (avatar.h) with one skinned mesh. Skinning (LBS) and silhouette
 // selection run on the CPU, per image (avatar_renderer.c); texturing on the GPU. The
 // atlas is uploaded once, in steps; the shown frame's colour and depth when that frame
-// changes (frame_layer_cache.h); the visible vertices and triangles with each image.
+// changes; the visible vertices and triangles with each image.
 // The avatar may be set after opening. One thread: that of the GPU context.
 #pragma once
 #include "platform/screen/gpu.h"
@@ -10,7 +10,7 @@
 struct avatar_renderer;
 
 // gpu and what source points to must outlive it. view: the viewer camera's lens, copied.
-// max_bytes: of frame layers kept on the GPU (frame_layer_cache.h).
+// max_bytes: of frame layers kept on the GPU.
 // ERR_DEVICE, ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu,
                                             const struct frame_source *source, const struct lens *view,

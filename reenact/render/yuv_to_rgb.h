@@ -2,7 +2,7 @@
 // base/pixels.h does on the CPU. Threads and errors as in platform/screen/gpu.h.
 #pragma once
 #include "platform/screen/gpu.h"
-#include "platform/sensors/dmabuf_image.h"
+#include "platform/sensors/source.h"
 
 // One texture per plane of the layout.
 struct yuv_plane {
