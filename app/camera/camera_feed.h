@@ -12,7 +12,7 @@
 #pragma once
 #include "base/status.h"
 #include "locate/locator.h"
-#include "platform/sensors/dmabuf_image.h"
+#include "platform/sensors/source.h"
 #include "recording/place.h"
 
 // ---------------------------------------------------------------- present gap

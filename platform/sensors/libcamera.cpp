@@ -5,7 +5,7 @@
 // loss. Only the newest image is kept; those it replaces are counted as dropped,
 // as are gaps in the camera's sequence numbers. Times are those of the exposure
 // where the camera reports it, otherwise of the buffer. Uncompressed images can
-// be exported as dma-bufs (dmabuf_image.h), but a few buffers always stay with
+// be exported as dma-bufs (source.h), but a few buffers always stay with
 // the camera.
 //
 // libcamera knows no focal length; see camera_lens_read() and camera_lens_guess()
