@@ -123,39 +123,42 @@ static bool is_moderate(const struct lens *lens)
            (fabs(lens->p1) + fabs(lens->p2)) * sqrt(r2) <= LENS_MAX_RADIAL;
 }
 
-enum status lens_check(const struct lens *l, const char *what)
+enum status lens_check(const struct lens *lens, const char *what)
 {
-    if (!image_size_is_usable(l->width, l->height))
+    if (!image_size_is_usable(lens->width, lens->height))
         return fail(
             ERR_INPUT,
             "the %s camera's calibration gives a picture of %d x %d pixels; at most %d a side and %d million in "
             "all can be used",
-            what, l->width, l->height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
-    double numbers[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
+            what, lens->width, lens->height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
+    double numbers[] = {lens->fx, lens->fy, lens->cx, lens->cy, lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
     for (size_t i = 0; i < COUNT_OF(numbers); i++)
         if (!isfinite(numbers[i]))
             return fail(ERR_INPUT, "the %s camera's calibration holds a number that is not finite", what);
-    if (!(l->fx > 0) || !(l->fy > 0))
-        return fail(ERR_INPUT, "the %s camera's focal length must be greater than 0, not %g x %g", what, l->fx, l->fy);
-    if (!(l->fx >= LENS_MIN_FOCAL_PX && l->fy >= LENS_MIN_FOCAL_PX && l->fx <= LENS_MAX_PX && l->fy <= LENS_MAX_PX))
-        return fail(ERR_INPUT, "the %s camera's focal length is %g x %g pixels, which no lens has", what, l->fx, l->fy);
-    if (!(fabs(l->cx) <= LENS_MAX_PX && fabs(l->cy) <= LENS_MAX_PX))
+    if (!(lens->fx > 0) || !(lens->fy > 0))
+        return fail(ERR_INPUT, "the %s camera's focal length must be greater than 0, not %g x %g", what, lens->fx,
+                    lens->fy);
+    if (!(lens->fx >= LENS_MIN_FOCAL_PX && lens->fy >= LENS_MIN_FOCAL_PX && lens->fx <= LENS_MAX_PX &&
+          lens->fy <= LENS_MAX_PX))
+        return fail(ERR_INPUT, "the %s camera's focal length is %g x %g pixels, which no lens has", what, lens->fx,
+                    lens->fy);
+    if (!(fabs(lens->cx) <= LENS_MAX_PX && fabs(lens->cy) <= LENS_MAX_PX))
         return fail(ERR_INPUT,
                     "the %s camera's principal point is %g pixels right and %g below the first, which no "
                     "lens has",
-                    what, l->cx, l->cy);
-    if (!is_moderate(l))
-        return fail(ERR_INPUT, "the %s camera's distortion (%g, %g, %g, %g, %g) is far beyond any lens's", what, l->k1,
-                    l->k2, l->p1, l->p2, l->k3);
-    if (!is_invertible(l))
+                    what, lens->cx, lens->cy);
+    if (!is_moderate(lens))
+        return fail(ERR_INPUT, "the %s camera's distortion (%g, %g, %g, %g, %g) is far beyond any lens's", what,
+                    lens->k1, lens->k2, lens->p1, lens->p2, lens->k3);
+    if (!is_invertible(lens))
         return fail(ERR_INPUT,
                     "the %s camera's distortion folds the image over itself before its rim; check k1, k2, p1, p2, k3",
                     what);
-    if (!(l->readout_s >= 0 && l->readout_s <= LENS_MAX_READOUT_S))
+    if (!(lens->readout_s >= 0 && lens->readout_s <= LENS_MAX_READOUT_S))
         return fail(ERR_INPUT, "the %s camera's readout_ms must be from 0 (no rolling shutter) to %g, not %g", what,
-                    LENS_MAX_READOUT_S * 1e3, l->readout_s * 1e3);
-    if (!(l->focal_sigma >= 0 && l->focal_sigma <= LENS_MAX_FOCAL_SIGMA))
+                    LENS_MAX_READOUT_S * 1e3, lens->readout_s * 1e3);
+    if (!(lens->focal_sigma >= 0 && lens->focal_sigma <= LENS_MAX_FOCAL_SIGMA))
         return fail(ERR_INPUT, "the %s camera's focal_sigma must be from 0 (measured) to %g, not %g", what,
-                    LENS_MAX_FOCAL_SIGMA, l->focal_sigma);
+                    LENS_MAX_FOCAL_SIGMA, lens->focal_sigma);
     return OK;
 }

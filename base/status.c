@@ -47,9 +47,9 @@ void failure_keep(struct failure *failure, enum status status)
     memcpy(failure->sentence, status == OK ? "" : sentence, status == OK ? 1 : sizeof sentence);
 }
 
-enum status failure_restore(const struct failure *f)
+enum status failure_restore(const struct failure *failure)
 {
-    return f->status == OK ? OK : fail(f->status, "%s", f->sentence);
+    return failure->status == OK ? OK : fail(failure->status, "%s", failure->sentence);
 }
 
 const char *status_name(enum status status)

@@ -62,7 +62,7 @@ struct failure {
 void failure_keep(struct failure *failure, enum status status);
 
 // The status kept; unless that is OK, the sentence becomes this thread's.
-enum status failure_restore(const struct failure *f);
+enum status failure_restore(const struct failure *failure);
 
 #ifdef __cplusplus
 }

@@ -56,10 +56,10 @@ void worker_thread_open(struct worker_thread *thread)
     condition_open(&thread->changed);
 }
 
-enum status worker_thread_start(struct worker_thread *w, void *(*run)(void *), void *self, const char *task)
+enum status worker_thread_start(struct worker_thread *thread, void *(*run)(void *), void *self, const char *task)
 {
-    w->runs = pthread_create(&w->thread, NULL, run, self) == 0;
-    return w->runs ? OK : fail(ERR_MEMORY, "no thread %s", task);
+    thread->runs = pthread_create(&thread->thread, NULL, run, self) == 0;
+    return thread->runs ? OK : fail(ERR_MEMORY, "no thread %s", task);
 }
 
 void worker_thread_stop(struct worker_thread *thread)
@@ -311,10 +311,10 @@ static void *run_worker(void *run)
     return NULL;
 }
 
-enum status pipeline_run(const struct pipeline *p, int threads)
+enum status pipeline_run(const struct pipeline *pipeline, int threads)
 {
-    assert(p->stages <= PIPELINE_MAX_STAGES && p->in_flight > 0);
-    struct pipeline_state r = {.p = p, .items = calloc((size_t)p->items + 1, sizeof *r.items)};
+    assert(pipeline->stages <= PIPELINE_MAX_STAGES && pipeline->in_flight > 0);
+    struct pipeline_state r = {.p = pipeline, .items = calloc((size_t)pipeline->items + 1, sizeof *r.items)};
     pthread_t thread[MAX_STAGE_THREADS];
     int helping = 0;
     if (!r.items)

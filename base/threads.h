@@ -45,7 +45,8 @@ struct worker_thread {
 void worker_thread_open(struct worker_thread *thread); // without the thread; once opened, it must be closed
 
 // run(self) on the thread. ERR_MEMORY: there is none; the message names `task`, as "to look for body points".
-MUST_CHECK enum status worker_thread_start(struct worker_thread *w, void *(*run)(void *), void *self, const char *task);
+MUST_CHECK enum status worker_thread_start(struct worker_thread *thread, void *(*run)(void *), void *self,
+                                           const char *task);
 // Tells the thread, if it was started, and waits for its end. Lock and condition stay for others. More than once is
 // fine.
 void worker_thread_stop(struct worker_thread *thread);
@@ -118,4 +119,4 @@ struct pipeline {
 // Runs on up to `threads` threads, at most 17, the caller's among them; fewer where the system gives no more.
 // NOTHING: on_progress returned false. ERR_MEMORY. Otherwise the first error that a stage returned, with its sentence.
 // No stage is running when it returns.
-MUST_CHECK enum status pipeline_run(const struct pipeline *p, int threads);
+MUST_CHECK enum status pipeline_run(const struct pipeline *pipeline, int threads);
