@@ -47,19 +47,20 @@ void compressor_close(struct compressor **compressor)
 
 size_t compress_bound(size_t count) { return ZSTD_compressBound(count); }
 
-enum status compress_bytes(struct compressor *c, int level, const void *bytes, size_t count, void *out,
+enum status compress_bytes(struct compressor *compressor, int level, const void *bytes, size_t count, void *out,
                            size_t *out_count)
 {
-    size_t got = ZSTD_compressCCtx(c->pack, out, ZSTD_compressBound(count), bytes, count, level);
+    size_t got = ZSTD_compressCCtx(compressor->pack, out, ZSTD_compressBound(count), bytes, count, level);
     if (ZSTD_isError(got))
         return fail(ERR_MEMORY, "%zu bytes could not be compressed (%s)", count, ZSTD_getErrorName(got));
     *out_count = got;
     return OK;
 }
 
-enum status decompress_bytes(struct compressor *c, const void *bytes, size_t count, void *out, size_t out_count)
+enum status decompress_bytes(struct compressor *compressor, const void *bytes, size_t count, void *out,
+                             size_t out_count)
 {
-    size_t got = ZSTD_decompressDCtx(c->unpack, out, out_count, bytes, count);
+    size_t got = ZSTD_decompressDCtx(compressor->unpack, out, out_count, bytes, count);
     if (ZSTD_isError(got)) {
         if (ZSTD_getErrorCode(got) == ZSTD_error_memory_allocation)
             return fail(ERR_MEMORY, "no memory to decompress %zu bytes", count);

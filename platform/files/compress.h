@@ -25,10 +25,10 @@ size_t compress_bound(size_t count);
 
 // level: zstd's, -7 (fast) .. 19 (small). `out` has compress_bound(count) bytes, of which *out_count are used.
 // ERR_MEMORY.
-MUST_CHECK enum status compress_bytes(struct compressor *c, int level, const void *bytes, size_t count, void *out,
-                                      size_t *out_count);
+MUST_CHECK enum status compress_bytes(struct compressor *compressor, int level, const void *bytes, size_t count,
+                                      void *out, size_t *out_count);
 
 // Fills exactly out[out_count]. Safe on any input. ERR_CORRUPT: damaged, or of another size; `out` is then undefined.
 // ERR_MEMORY.
-MUST_CHECK enum status decompress_bytes(struct compressor *c, const void *bytes, size_t count, void *out,
+MUST_CHECK enum status decompress_bytes(struct compressor *compressor, const void *bytes, size_t count, void *out,
                                         size_t out_count);

@@ -555,12 +555,12 @@ void statement_bind_blob(struct statement *statement, int position, const void *
         note_bound(statement, sqlite3_bind_null(statement->handle, position));
 }
 
-enum status statement_step(struct statement *s)
+enum status statement_step(struct statement *statement)
 {
-    int code = s->bound == SQLITE_OK ? sqlite3_step(s->handle) : s->bound;
+    int code = statement->bound == SQLITE_OK ? sqlite3_step(statement->handle) : statement->bound;
     if (code == SQLITE_ROW)
         return OK;
-    return code == SQLITE_DONE ? NOTHING : fail_sqlite(s->db, code);
+    return code == SQLITE_DONE ? NOTHING : fail_sqlite(statement->db, code);
 }
 
 void statement_reset(struct statement *statement)
@@ -570,9 +570,9 @@ void statement_reset(struct statement *statement)
     statement->bound = SQLITE_OK;
 }
 
-enum status statement_check(struct statement *s)
+enum status statement_check(struct statement *statement)
 {
-    return sqlite3_errcode(s->db->handle) == SQLITE_NOMEM ? fail_sqlite(s->db, SQLITE_NOMEM) : OK;
+    return sqlite3_errcode(statement->db->handle) == SQLITE_NOMEM ? fail_sqlite(statement->db, SQLITE_NOMEM) : OK;
 }
 
 int64_t statement_number(struct statement *statement, int column)
@@ -598,12 +598,12 @@ const uint8_t *statement_blob(struct statement *statement, int column, size_t *c
     return bytes;
 }
 
-enum status statement_run(struct statement *s)
+enum status statement_run(struct statement *statement)
 {
     enum status status;
     do
-        status = statement_step(s);
+        status = statement_step(statement);
     while (status == OK);
-    statement_reset(s);
+    statement_reset(statement);
     return status == NOTHING ? OK : status;
 }

@@ -108,15 +108,15 @@ void statement_bind_text(struct statement *statement, int position, const char *
 void statement_bind_blob(struct statement *statement, int position, const void *bytes,
                          size_t count); // bytes NULL: NULL
 // OK: a row is available. NOTHING: no more rows. Otherwise an error.
-MUST_CHECK enum status statement_step(struct statement *s);
+MUST_CHECK enum status statement_step(struct statement *statement);
 void statement_reset(struct statement *statement); // ready for new values; all are NULL again
 // Columns count from 0. Borrowed until the next step or reset.
 int64_t statement_number(struct statement *statement, int column);
 bool statement_is_null(struct statement *statement, int column);
 const char *statement_text(struct statement *statement, int column); // "" for NULL or out of memory
 // ERR_MEMORY: a column read since the last step could not be had for lack of memory, so "" or NULL is no content.
-MUST_CHECK enum status statement_check(struct statement *s);
+MUST_CHECK enum status statement_check(struct statement *statement);
 // NULL for NULL and for a blob of no bytes; *count is then 0.
 const uint8_t *statement_blob(struct statement *statement, int column, size_t *count);
 // Steps a statement that returns no rows to its end and resets it.
-MUST_CHECK enum status statement_run(struct statement *s);
+MUST_CHECK enum status statement_run(struct statement *statement);

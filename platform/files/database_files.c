@@ -371,9 +371,9 @@ void database_files_close(struct database_files **files)
 
 const char *database_files_layer(const struct database_files *files) { return files->layer; }
 
-enum status database_files_trouble(const struct database_files *f)
+enum status database_files_trouble(const struct database_files *files)
 {
-    return f->sides.trouble == OK ? OK : fail(f->sides.trouble, "%s", f->sides.sentence);
+    return files->sides.trouble == OK ? OK : fail(files->sides.trouble, "%s", files->sides.sentence);
 }
 
 bool database_files_are_live(const struct database_files *files) { return files->sides.live; }

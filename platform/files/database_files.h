@@ -24,7 +24,7 @@ void database_files_close(struct database_files **f);
 const char *database_files_layer(const struct database_files *files); // its name for sqlite3_open_v2
 
 // Why the last lock could not be had because of a file beside the database: an error with its sentence, or OK.
-MUST_CHECK enum status database_files_trouble(const struct database_files *f);
+MUST_CHECK enum status database_files_trouble(const struct database_files *files);
 
 // Whether another connection is writing, whose log is read.
 bool database_files_are_live(const struct database_files *files);

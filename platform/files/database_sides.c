@@ -624,10 +624,10 @@ static enum status read_beside(const struct side *side, void *to, size_t count, 
     return pread(side->file, to, count, page->at + at % side->pages.page_bytes) == (ssize_t)count ? OK : ERR_IO;
 }
 
-enum status database_sides_read(const struct database_sides *s, void *to, size_t count, int64_t at)
+enum status database_sides_read(const struct database_sides *sides, void *to, size_t count, int64_t at)
 {
-    const enum status logged = read_beside(&s->side[SIDE_LOG], to, count, at);
-    return logged == NOTHING ? read_beside(&s->side[SIDE_JOURNAL], to, count, at) : logged;
+    const enum status logged = read_beside(&sides->side[SIDE_LOG], to, count, at);
+    return logged == NOTHING ? read_beside(&sides->side[SIDE_JOURNAL], to, count, at) : logged;
 }
 
 bool database_sides_have_pages(const struct database_sides *sides, int64_t *bytes)

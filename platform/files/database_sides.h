@@ -98,4 +98,4 @@ void database_sides_give_log(struct database_sides *sides);
 // Whether a reader takes pages from beside the file; *bytes: the size of the file with them.
 bool database_sides_have_pages(const struct database_sides *sides, int64_t *bytes);
 // Bytes of one page from beside the file. NOTHING: it has none of that page. ERR_IO, without a sentence.
-MUST_CHECK enum status database_sides_read(const struct database_sides *s, void *to, size_t count, int64_t at);
+MUST_CHECK enum status database_sides_read(const struct database_sides *sides, void *to, size_t count, int64_t at);

@@ -197,28 +197,29 @@ static enum status encode_frame(struct video_writer *writer, const AVFrame *fram
     return fail_encoding(writer, "images", error);
 }
 
-enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_ns)
+enum status video_add(struct video_writer *writer, const uint8_t *rgb, int64_t time_ns)
 {
     const uint8_t *const rows[1] = {rgb};
-    const int stride[1] = {w->row_bytes};
-    if (w->last_ticks < 0)
-        w->first_ns = time_ns;
-    const int64_t ticks = ffmpeg->av_rescale(time_ns - w->first_ns, w->codec->time_base.den, 1000000000);
-    if (ticks <= w->last_ticks)
+    const int stride[1] = {writer->row_bytes};
+    if (writer->last_ticks < 0)
+        writer->first_ns = time_ns;
+    const int64_t ticks = ffmpeg->av_rescale(time_ns - writer->first_ns, writer->codec->time_base.den, 1000000000);
+    if (ticks <= writer->last_ticks)
         return fail(ERR_ORDER, "two images of a film have the same time");
-    if (w->last_ticks >= 0 && ticks - w->last_ticks > INT32_MAX)
+    if (writer->last_ticks >= 0 && ticks - writer->last_ticks > INT32_MAX)
         return fail(
             ERR_INPUT,
             "two pictures that follow each other are %.1f hours apart, more than a film can say: the take's times "
             "are wrong",
-            (double)(ticks - w->last_ticks) / w->codec->time_base.den / 3600);
-    if (ffmpeg->av_frame_make_writable(w->frame) < 0)
+            (double)(ticks - writer->last_ticks) / writer->codec->time_base.den / 3600);
+    if (ffmpeg->av_frame_make_writable(writer->frame) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
-    ffmpeg->sws_scale(w->convert, rows, stride, 0, w->layout.height, w->frame->data, w->frame->linesize);
-    if (w->last_ticks >= 0 && (!w->step_ticks || ticks - w->last_ticks < w->step_ticks))
-        w->step_ticks = ticks - w->last_ticks;
-    w->frame->pts = w->last_ticks = ticks;
-    return encode_frame(w, w->frame);
+    ffmpeg->sws_scale(writer->convert, rows, stride, 0, writer->layout.height, writer->frame->data,
+                      writer->frame->linesize);
+    if (writer->last_ticks >= 0 && (!writer->step_ticks || ticks - writer->last_ticks < writer->step_ticks))
+        writer->step_ticks = ticks - writer->last_ticks;
+    writer->frame->pts = writer->last_ticks = ticks;
+    return encode_frame(writer, writer->frame);
 }
 
 enum status video_close(struct video_writer **out, enum status status)

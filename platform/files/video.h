@@ -20,7 +20,7 @@ MUST_CHECK enum status video_open(struct video_writer **w, FILE *out, const stru
 // rgb: 8 bits a channel, rows without padding. time_ns: strictly increasing; the film begins with the first, and the
 // last one is shown for the shortest time between two, or for 1/30 s if there are no two.
 // ERR_ORDER, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_ns);
+MUST_CHECK enum status video_add(struct video_writer *writer, const uint8_t *rgb, int64_t time_ns);
 
 // Writes what is left, unless `status` is an error, and frees. Returns the first error. NULL is fine; sets *w = NULL.
 enum status video_close(struct video_writer **w, enum status status);

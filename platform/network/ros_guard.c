@@ -80,28 +80,28 @@ enum status ros_guard_start(struct ros_guard **out, const char *master, const ch
     return status;
 }
 
-enum status ros_guard_wait(struct ros_guard *g)
+enum status ros_guard_wait(struct ros_guard *guard)
 {
-    struct pollfd channel = {g->channel, POLLIN, 0};
+    struct pollfd channel = {guard->channel, POLLIN, 0};
     char word = 0;
     int ready;
     while ((ready = poll(&channel, 1, READY_MS)) < 0 && errno == EINTR)
         ;
-    if (ready > 0 && recv(g->channel, &word, 1, 0) == 1 && word == GUARD_BYTE_READY)
+    if (ready > 0 && recv(guard->channel, &word, 1, 0) == 1 && word == GUARD_BYTE_READY)
         return OK;
     return fail(ERR_IO, "the process that would stop the robot if this program dies cannot reach cmd_vel of the ROS "
                         "master; without it none is driven");
 }
 
-enum ros_guard_word ros_guard_beat(struct ros_guard *g)
+enum ros_guard_word ros_guard_beat(struct ros_guard *guard)
 {
     const char beat = GUARD_BYTE_BEAT;
     enum ros_guard_word said = GUARD_SILENT;
     char word;
     ssize_t got;
-    if (send(g->channel, &beat, 1, MSG_NOSIGNAL | MSG_DONTWAIT) != 1)
+    if (send(guard->channel, &beat, 1, MSG_NOSIGNAL | MSG_DONTWAIT) != 1)
         return GUARD_GONE; // also one that reads nothing any more
-    while ((got = recv(g->channel, &word, 1, MSG_DONTWAIT)) == 1)
+    while ((got = recv(guard->channel, &word, 1, MSG_DONTWAIT)) == 1)
         if (word == GUARD_BYTE_STOPPED)
             said = GUARD_STOPPED;
     return got == 0 || (errno != EAGAIN && errno != EINTR) ? GUARD_GONE : said;

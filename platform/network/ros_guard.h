@@ -31,11 +31,11 @@ enum ros_guard_word {
 // Starts it; does not wait. master, remap: as ros_robot_open. ERR_IO, ERR_MEMORY: *out is NULL.
 MUST_CHECK enum status ros_guard_start(struct ros_guard **out, const char *master, const char *const *remap);
 // Waits until it can publish. ERR_IO: it cannot.
-MUST_CHECK enum status ros_guard_wait(struct ros_guard *g);
+MUST_CHECK enum status ros_guard_wait(struct ros_guard *guard);
 void ros_guard_end(struct ros_guard **guard); // with a farewell: nothing is published. NULL is fine
 
 // Every ROS_GUARD_BEAT_MS from the first one on, by any one thread at a time; returns what the guard said meanwhile.
-enum ros_guard_word ros_guard_beat(struct ros_guard *g);
+enum ros_guard_word ros_guard_beat(struct ros_guard *guard);
 
 // ---------------------------------------------------------------- between both processes
 

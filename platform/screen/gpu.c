@@ -152,20 +152,20 @@ static enum status bind_image(struct gpu_texture *texture, EGLDisplay display, c
     return gpu_check(texture->g);
 }
 
-enum status gpu_texture_import(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width, int height,
+enum status gpu_texture_import(struct gpu_texture **out, struct gpu *gpu, enum gpu_format format, int width, int height,
                                const struct gpu_dmabuf *memory)
 {
     assert(width > 0 && height > 0 && drm_format(format));
     *out = NULL;
-    enum status status = gpu_check(g); // report earlier errors separately
+    enum status status = gpu_check(gpu); // report earlier errors separately
     if (status != OK)
         return status;
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "no memory for an imported image");
-    *t = (struct gpu_texture){.g = g, .format = format, .width = width, .height = height, .borrowed = true};
+    *t = (struct gpu_texture){.g = gpu, .format = format, .width = width, .height = height, .borrowed = true};
     glGenTextures(1, &t->id);
-    g->counts.made++;
+    gpu->counts.made++;
     status = bind_image(t, eglGetCurrentDisplay(), memory);
     if (status != OK) {
         gpu_texture_close(&t);
@@ -182,17 +182,17 @@ struct gpu_fence {
     GLsync sync;
 };
 
-enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g)
+enum status gpu_fence_open(struct gpu_fence **out, struct gpu *gpu)
 {
     *out = NULL;
     struct gpu_fence *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "no memory for an imported image");
-    gpu_make_current(g);
-    *f = (struct gpu_fence){g, glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0)};
+    gpu_make_current(gpu);
+    *f = (struct gpu_fence){gpu, glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0)};
     if (!f->sync) {
         free(f);
-        return fail(ERR_DEVICE, "the graphics driver (%s) has no fences", g->renderer);
+        return fail(ERR_DEVICE, "the graphics driver (%s) has no fences", gpu->renderer);
     }
     *out = f;
     return OK;
@@ -304,24 +304,24 @@ static enum status open_target(struct gpu_target **out, struct gpu *gpu, enum gp
     return OK;
 }
 
-enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height)
+enum status gpu_target_open(struct gpu_target **out, struct gpu *gpu, int width, int height)
 {
-    return open_target(out, g, GPU_TARGET_COLOR_DEPTH, width, height);
+    return open_target(out, gpu, GPU_TARGET_COLOR_DEPTH, width, height);
 }
 
-enum status gpu_target_open_comparable(struct gpu_target **out, struct gpu *g, int width, int height)
+enum status gpu_target_open_comparable(struct gpu_target **out, struct gpu *gpu, int width, int height)
 {
-    return open_target(out, g, GPU_TARGET_COMPARABLE, width, height);
+    return open_target(out, gpu, GPU_TARGET_COMPARABLE, width, height);
 }
 
-enum status gpu_target_open_color(struct gpu_target **out, struct gpu *g, int width, int height)
+enum status gpu_target_open_color(struct gpu_target **out, struct gpu *gpu, int width, int height)
 {
-    return open_target(out, g, GPU_TARGET_COLOR, width, height);
+    return open_target(out, gpu, GPU_TARGET_COLOR, width, height);
 }
 
-enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height)
+enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *gpu, int width, int height)
 {
-    return open_target(out, g, GPU_TARGET_DEPTH, width, height);
+    return open_target(out, gpu, GPU_TARGET_DEPTH, width, height);
 }
 
 void gpu_target_close(struct gpu_target **target)
@@ -384,13 +384,13 @@ const struct gpu_texture *gpu_target_depth(const struct gpu_target *target)
     return &target->depth_texture;
 }
 
-enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
+enum status gpu_target_read(struct gpu_target *target, uint8_t *rgba)
 {
-    assert(t->kind != GPU_TARGET_DEPTH);
-    gpu_make_current(t->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
-    glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    return gpu_check(t->g);
+    assert(target->kind != GPU_TARGET_DEPTH);
+    gpu_make_current(target->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    glReadPixels(0, 0, target->width, target->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
+    return gpu_check(target->g);
 }
 
 // ---------------------------------------------------------------- the context
@@ -413,17 +413,17 @@ static const char *error_name(GLenum error)
     }
 }
 
-enum status gpu_check(struct gpu *g)
+enum status gpu_check(struct gpu *gpu)
 {
-    gpu_make_current(g);
-    if (eglGetCurrentContext() == EGL_NO_CONTEXT || (g->reset_status && g->reset_status() != GL_NO_ERROR))
+    gpu_make_current(gpu);
+    if (eglGetCurrentContext() == EGL_NO_CONTEXT || (gpu->reset_status && gpu->reset_status() != GL_NO_ERROR))
         return fail(ERR_DEVICE, "the graphics context was lost; start again");
     GLenum first = glGetError();
     if (first == GL_NO_ERROR)
         return OK;
     for (int i = 0; i < 16 && glGetError() != GL_NO_ERROR; i++) // bounded: a lost context may report errors for ever
         ;
-    return fail(ERR_DEVICE, "the graphics driver (%s) reports: %s", g->renderer, error_name(first));
+    return fail(ERR_DEVICE, "the graphics driver (%s) reports: %s", gpu->renderer, error_name(first));
 }
 
 bool gpu_has_extension(const char *list, const char *word)
@@ -614,15 +614,15 @@ static enum status find_inputs(struct gpu_program *program, const struct gpu_pro
     return OK;
 }
 
-enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_source *text)
+enum status gpu_program_open(struct gpu_program **out, struct gpu *gpu, const struct gpu_program_source *text)
 {
     assert(text->uniform_count <= MAX_UNIFORMS && text->sampler_count <= MAX_SAMPLERS);
     *out = NULL;
-    gpu_make_current(g);
+    gpu_make_current(gpu);
     struct gpu_program *p = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "no memory for the graphics card's objects");
-    p->g = g;
+    p->g = gpu;
     p->sampler_count = text->sampler_count;
     p->id = glCreateProgram();
     GLuint vertex = 0, fragment = 0;
@@ -636,12 +636,12 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
     if (status == OK)
         status = find_inputs(p, text);
     if (status == OK)
-        status = gpu_check(g);
+        status = gpu_check(gpu);
     if (status != OK) {
         gpu_program_close(&p);
         return status;
     }
-    gpu_count_made(g, 0);
+    gpu_count_made(gpu, 0);
     *out = p;
     return OK;
 }
@@ -682,41 +682,42 @@ static GLenum layout_of(const struct gpu_texture *texture)
     return layouts[texture->format];
 }
 
-enum status gpu_fail_too_large(const struct gpu *g, int width, int height)
+enum status gpu_fail_too_large(const struct gpu *gpu, int width, int height)
 {
     return fail(ERR_DEVICE, "an image of %d x %d pixels is larger than the %d this graphics driver (%s) takes", width,
-                height, g->max_size, g->renderer);
+                height, gpu->max_size, gpu->renderer);
 }
 
-enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels)
+enum status gpu_make_texture(struct gpu_texture *texture, enum gpu_filter filter, const uint8_t *pixels)
 {
-    if (t->width > t->g->max_size || t->height > t->g->max_size)
-        return gpu_fail_too_large(t->g, t->width, t->height);
-    glGenTextures(1, &t->id);
-    glBindTexture(GL_TEXTURE_2D, t->id);
+    if (texture->width > texture->g->max_size || texture->height > texture->g->max_size)
+        return gpu_fail_too_large(texture->g, texture->width, texture->height);
+    glGenTextures(1, &texture->id);
+    glBindTexture(GL_TEXTURE_2D, texture->id);
     static const GLint kept[] = {[GPU_R8] = GL_R8, [GPU_RG8] = GL_RG8, [GPU_RGB8] = GL_RGB8, [GPU_RGBA8] = GL_RGBA8};
-    glTexImage2D(GL_TEXTURE_2D, 0, kept[t->format], t->width, t->height, 0, layout_of(t), GL_UNSIGNED_BYTE, pixels);
+    glTexImage2D(GL_TEXTURE_2D, 0, kept[texture->format], texture->width, texture->height, 0, layout_of(texture),
+                 GL_UNSIGNED_BYTE, pixels);
     GLint how = filter == GPU_LINEAR ? GL_LINEAR : GL_NEAREST;
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, how);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, how);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    return gpu_check(t->g);
+    return gpu_check(texture->g);
 }
 
-enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, const struct gpu_texture_layout *layout,
+enum status gpu_texture_open(struct gpu_texture **out, struct gpu *gpu, const struct gpu_texture_layout *layout,
                              const uint8_t *pixels)
 {
     assert(layout->width > 0 && layout->height > 0);
     *out = NULL;
-    gpu_make_current(g);
+    gpu_make_current(gpu);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "no memory for the graphics card's objects");
-    *t = (struct gpu_texture){.g = g, .format = layout->format, .width = layout->width, .height = layout->height};
+    *t = (struct gpu_texture){.g = gpu, .format = layout->format, .width = layout->width, .height = layout->height};
     enum status status = gpu_make_texture(t, layout->filter, pixels);
-    gpu_count_made(g, texture_bytes(t));
-    g->counts.uploads += pixels != NULL;
+    gpu_count_made(gpu, texture_bytes(t));
+    gpu->counts.uploads += pixels != NULL;
     if (status != OK) {
         gpu_texture_close(&t);
         return status;
@@ -749,16 +750,16 @@ void gpu_texture_write(struct gpu_texture *texture, const uint8_t *pixels)
     gpu_texture_write_rows(texture, 0, texture->height, pixels);
 }
 
-enum status gpu_texture_put(struct gpu_texture **t, struct gpu *g, const struct gpu_texture_layout *layout,
+enum status gpu_texture_put(struct gpu_texture **texture, struct gpu *gpu, const struct gpu_texture_layout *layout,
                             const uint8_t *pixels)
 {
-    const struct gpu_texture *now = *t;
+    const struct gpu_texture *now = *texture;
     if (now && now->format == layout->format && now->width == layout->width && now->height == layout->height) {
-        gpu_texture_write(*t, pixels);
+        gpu_texture_write(*texture, pixels);
         return OK;
     }
-    gpu_texture_close(t);
-    return gpu_texture_open(t, g, layout, pixels);
+    gpu_texture_close(texture);
+    return gpu_texture_open(texture, gpu, layout, pixels);
 }
 
 // ---------------------------------------------------------------- arrays of textures
@@ -770,21 +771,21 @@ static const struct {
                      [GPU_ARRAY_R16F] = {GL_R16F, GL_RED, GL_FLOAT, 2},
                      [GPU_ARRAY_RG16F] = {GL_RG16F, GL_RG, GL_FLOAT, 4}};
 
-enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g, const struct gpu_array_layout *layout)
+enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *gpu, const struct gpu_array_layout *layout)
 {
     const int width = layout->width, height = layout->height, layers = layout->layers;
     assert(width > 0 && height > 0 && layers > 0);
     *out = NULL;
-    gpu_make_current(g);
-    if (width > g->max_size || height > g->max_size)
-        return gpu_fail_too_large(g, width, height);
+    gpu_make_current(gpu);
+    if (width > gpu->max_size || height > gpu->max_size)
+        return gpu_fail_too_large(gpu, width, height);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "no memory for the graphics card's objects");
-    *t = (struct gpu_texture){.g = g, .array_format = layout->format, .width = width, .height = height};
+    *t = (struct gpu_texture){.g = gpu, .array_format = layout->format, .width = width, .height = height};
     t->layers = layers;
     t->bytes = (size_t)width * (size_t)height * (size_t)layers * array_formats[layout->format].bytes;
-    gpu_count_made(g, t->bytes);
+    gpu_count_made(gpu, t->bytes);
     glGenTextures(1, &t->id);
     glBindTexture(GL_TEXTURE_2D_ARRAY, t->id);
     glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, array_formats[layout->format].kept, width, height, layers);
@@ -792,7 +793,7 @@ enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g, cons
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    const enum status status = gpu_check(g);
+    const enum status status = gpu_check(gpu);
     if (status != OK)
         gpu_texture_close(&t);
     *out = t;
@@ -811,23 +812,23 @@ void gpu_texture_write_layer(struct gpu_texture *texture, int layer, int width, 
 
 // ---------------------------------------------------------------- meshes
 
-enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data)
+enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *gpu, const struct gpu_mesh_data *data)
 {
     const int components = data->components, vertex_count = data->vertex_count, index_count = data->index_count;
     assert(((components >= 2 && components <= 4) || (components % 4 == 0 && components <= 20)) && vertex_count > 0 &&
            vertex_count <= 65536 && index_count >= 0);
     *out = NULL;
-    gpu_make_current(g);
+    gpu_make_current(gpu);
     struct gpu_mesh *m = calloc(1, sizeof *m);
     if (!m)
         return fail(ERR_MEMORY, "no memory for the graphics card's objects");
-    *m = (struct gpu_mesh){.g = g,
+    *m = (struct gpu_mesh){.g = gpu,
                            .index_count = index_count,
                            .vertex_count = vertex_count,
                            .bytes = sizeof(float) * (size_t)components * (size_t)vertex_count +
                                     sizeof(uint16_t) * (size_t)index_count};
-    gpu_count_made(g, m->bytes);
-    g->counts.uploads += data->vertices != NULL;
+    gpu_count_made(gpu, m->bytes);
+    gpu->counts.uploads += data->vertices != NULL;
     glGenVertexArrays(1, &m->array);
     glGenBuffers(1, &m->vertices);
     glGenBuffers(1, &m->indices);
@@ -844,7 +845,7 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu
                               (const void *)(sizeof(float) * (size_t)at));
     }
     glBindVertexArray(0);
-    enum status status = gpu_check(g);
+    enum status status = gpu_check(gpu);
     if (status != OK) {
         gpu_mesh_close(&m);
         return status;

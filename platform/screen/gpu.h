@@ -42,7 +42,7 @@ struct gpu_counts {
 struct gpu_counts gpu_get_counts(const struct gpu *gpu);
 
 // ERR_DEVICE: the context was lost, or an error was raised since the last check.
-MUST_CHECK enum status gpu_check(struct gpu *g);
+MUST_CHECK enum status gpu_check(struct gpu *gpu);
 
 // ---- programs
 struct gpu_program_source {
@@ -57,7 +57,8 @@ struct gpu_program_source {
 // The texts are not needed afterwards. The vertex shader's inputs are at
 // locations 0 and up. ERR_DEVICE: it does not compile or link (the sentence has
 // the driver's log), or lacks one of the uniforms or samplers.
-MUST_CHECK enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_source *text);
+MUST_CHECK enum status gpu_program_open(struct gpu_program **out, struct gpu *gpu,
+                                        const struct gpu_program_source *text);
 void gpu_program_close(struct gpu_program **program);
 
 // Sets uniform `index` of gpu_program_source.uniforms to `count` vec4s. The program keeps them.
@@ -72,15 +73,15 @@ struct gpu_texture_layout {
     enum gpu_filter filter;
 };
 // ERR_DEVICE: too large, or out of memory. pixels may be NULL: undefined until written.
-MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g,
+MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *gpu,
                                         const struct gpu_texture_layout *layout, const uint8_t *pixels);
 void gpu_texture_close(struct gpu_texture **texture);
 // Overwrites the whole texture, or `count` rows from row `first` on. Rows without padding.
 void gpu_texture_write(struct gpu_texture *texture, const uint8_t *pixels);
-// The same for pictures whose size may change: opens the texture where *t is NULL, and anew where its size or format is
-// not the layout's. Errors as gpu_texture_open; *t is NULL then.
-MUST_CHECK enum status gpu_texture_put(struct gpu_texture **t, struct gpu *g, const struct gpu_texture_layout *layout,
-                                       const uint8_t *pixels);
+// The same for pictures whose size may change: opens the texture where *texture is NULL, and anew where its size or
+// format is not the layout's. Errors as gpu_texture_open; *texture is NULL then.
+MUST_CHECK enum status gpu_texture_put(struct gpu_texture **texture, struct gpu *gpu,
+                                       const struct gpu_texture_layout *layout, const uint8_t *pixels);
 void gpu_texture_write_rows(struct gpu_texture *texture, int first, int count, const uint8_t *pixels);
 
 // Layers of one size, for a sampler2DArray: bytes read as 0..1, or numbers kept with 11 bits; filtered. Undefined until
@@ -90,7 +91,7 @@ struct gpu_array_layout {
     enum gpu_array_format format;
     int width, height, layers;
 };
-MUST_CHECK enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g,
+MUST_CHECK enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *gpu,
                                               const struct gpu_array_layout *layout);
 // Overwrites width x height values at a layer's top left: uint8_t[3], float or float[2] each, by the format. Rows
 // without padding.
@@ -105,7 +106,7 @@ struct gpu_mesh_data {
     int index_count;         // 0: points only
 };
 // ERR_DEVICE: out of memory. The data are copied.
-MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data);
+MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *gpu, const struct gpu_mesh_data *data);
 void gpu_mesh_close(struct gpu_mesh **mesh);
 // Overwrites `count` floats or indices from number `first` on.
 void gpu_mesh_write_vertices(struct gpu_mesh *mesh, int first, const float *floats, int count);
@@ -118,14 +119,14 @@ struct gpu_box {
 
 // ---- targets: images to draw into
 // RGBA, 8 bit, with a 24-bit depth buffer. ERR_DEVICE: too large, or out of memory; ERR_MEMORY.
-MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height);
+MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *gpu, int width, int height);
 // The same, whose depth a later job can compare with: gpu_target_depth.
-MUST_CHECK enum status gpu_target_open_comparable(struct gpu_target **out, struct gpu *g, int width, int height);
+MUST_CHECK enum status gpu_target_open_comparable(struct gpu_target **out, struct gpu *gpu, int width, int height);
 // Without a depth buffer, for jobs without depth_test; and a shadow map: depth alone, 16 bit, which cannot be read
 // back. Its texture is a sampler2DShadow with bilinear comparison: the share of the four nearest texels whose depth is
 // not smaller than the reference.
-MUST_CHECK enum status gpu_target_open_color(struct gpu_target **out, struct gpu *g, int width, int height);
-MUST_CHECK enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height);
+MUST_CHECK enum status gpu_target_open_color(struct gpu_target **out, struct gpu *gpu, int width, int height);
+MUST_CHECK enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *gpu, int width, int height);
 void gpu_target_close(struct gpu_target **target);
 // Sets the size that is drawn, at most that of opening, without allocating; a change of size clears the target. The
 // image takes up the top left of the texture, and gpu_draw2d.h draws that part of it; filtering at its last row and
@@ -140,7 +141,7 @@ const struct gpu_texture *gpu_target_texture(const struct gpu_target *target);
 const struct gpu_texture *gpu_target_depth(const struct gpu_target *target);
 
 // rgba[width * height * 4], of the size in use. Waits for the GPU. ERR_DEVICE: rgba is undefined.
-MUST_CHECK enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba);
+MUST_CHECK enum status gpu_target_read(struct gpu_target *target, uint8_t *rgba);
 
 // ---- drawing (gpu.c)
 struct gpu_job {
@@ -172,12 +173,12 @@ struct gpu_dmabuf {
 };
 // A texture over the memory, with nearest filtering, for formats of 1, 2 or 4 bytes a pixel. It must not be written.
 // ERR_DEVICE: the driver cannot read the memory; the gpu remains usable. ERR_MEMORY.
-MUST_CHECK enum status gpu_texture_import(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width,
+MUST_CHECK enum status gpu_texture_import(struct gpu_texture **out, struct gpu *gpu, enum gpu_format format, int width,
                                           int height, const struct gpu_dmabuf *memory);
 
 struct gpu_fence;
 // ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g);
+MUST_CHECK enum status gpu_fence_open(struct gpu_fence **out, struct gpu *gpu);
 // Whether all draws issued before the fence was opened are complete. wait: waits for that, at most a second. True for a
 // lost context.
 bool gpu_fence_passed(struct gpu_fence *fence, bool wait);

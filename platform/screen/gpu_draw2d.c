@@ -23,14 +23,14 @@ static void set_base_vertex(int first_vertex)
                           (void *)(base + offsetof(struct gpu_draw2d_vertex, rgba)));
 }
 
-enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct gpu_draw2d_shaders *texts)
+enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *gpu, const struct gpu_draw2d_shaders *texts)
 {
     static const char *const uniforms[] = {"map"}, *const samplers[] = {"picture"};
     *out = NULL;
     struct gpu_draw2d *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "no memory for drawing the screen");
-    f->g = g;
+    f->g = gpu;
     const struct gpu_program_source text = {.name = "flat",
                                             .vertex = texts->vertex,
                                             .fragment = texts->fragment,
@@ -38,7 +38,7 @@ enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct
                                             .uniform_count = 1,
                                             .samplers = samplers,
                                             .sampler_count = 1};
-    enum status status = gpu_program_open(&f->program, g, &text);
+    enum status status = gpu_program_open(&f->program, gpu, &text);
     if (status != OK) {
         free(f);
         return status;
@@ -58,7 +58,7 @@ enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct
     glSamplerParameteri(f->sampler, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     glSamplerParameteri(f->sampler, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     glSamplerParameteri(f->sampler, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    status = gpu_check(g);
+    status = gpu_check(gpu);
     if (status != OK) {
         gpu_draw2d_close(&f);
         return status;
@@ -201,4 +201,4 @@ void gpu_draw2d_draw(struct gpu_draw2d *draw2d, const struct gpu_draw2d_list *li
     glDisable(GL_BLEND);
 }
 
-enum status gpu_draw2d_end(struct gpu_draw2d *f) { return gpu_check(f->g); }
+enum status gpu_draw2d_end(struct gpu_draw2d *draw2d) { return gpu_check(draw2d->g); }

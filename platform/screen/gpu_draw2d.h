@@ -17,7 +17,8 @@ struct gpu_draw2d_shaders {
     const char *vertex, *fragment;
 };
 // ERR_MEMORY; ERR_DEVICE as gpu_program_open.
-MUST_CHECK enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct gpu_draw2d_shaders *texts);
+MUST_CHECK enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *gpu,
+                                       const struct gpu_draw2d_shaders *texts);
 void gpu_draw2d_close(struct gpu_draw2d **f); // NULL is fine
 
 struct gpu_draw2d_vertex {
@@ -50,7 +51,7 @@ struct gpu_draw2d_view {
 // begin, any number of draws, end; without another job on the same context in between. The lists are copied.
 void gpu_draw2d_begin(struct gpu_draw2d *draw2d, const struct gpu_draw2d_view *view);
 void gpu_draw2d_draw(struct gpu_draw2d *draw2d, const struct gpu_draw2d_list *list);
-MUST_CHECK enum status gpu_draw2d_end(struct gpu_draw2d *f); // ERR_DEVICE as gpu_check
+MUST_CHECK enum status gpu_draw2d_end(struct gpu_draw2d *draw2d); // ERR_DEVICE as gpu_check
 
 #ifdef __cplusplus
 }

@@ -61,10 +61,10 @@ struct gpu_target {
 void gpu_count_made(struct gpu *gpu, size_t bytes);
 
 // ERR_DEVICE with the sentence for a size beyond the driver's limit.
-MUST_CHECK enum status gpu_fail_too_large(const struct gpu *g, int width, int height);
+MUST_CHECK enum status gpu_fail_too_large(const struct gpu *gpu, int width, int height);
 
-// Creates the OpenGL texture for the format and size in *t. ERR_DEVICE; *t then still has to be closed.
-MUST_CHECK enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels);
+// Creates the OpenGL texture for the format and size in *texture. ERR_DEVICE; *texture then still has to be closed.
+MUST_CHECK enum status gpu_make_texture(struct gpu_texture *texture, enum gpu_filter filter, const uint8_t *pixels);
 
 // Marks all of the target as drawn into, for the next clear.
 void gpu_target_mark_drawn(struct gpu_target *target);

@@ -214,10 +214,10 @@ void calibration_add_json(struct json *root, const struct calibration *calibrati
     }
 }
 
-enum status calibration_write(const char *path, const struct calibration *c)
+enum status calibration_write(const char *path, const struct calibration *calibration)
 {
     struct json *root = json_new_object();
-    calibration_add_json(root, c);
+    calibration_add_json(root, calibration);
     char *text = json_print(root);
     json_free(&root);
     enum status status =
@@ -307,13 +307,13 @@ enum status camera_lens_scale(struct lens *lens, int width, int height, const ch
     return OK;
 }
 
-enum status device_calibration_save(const char *id, const struct calibration *c)
+enum status device_calibration_save(const char *id, const struct calibration *calibration)
 {
     char path[4096];
     enum status status = camera_file_for_writing(id, path, sizeof path);
     if (status != OK)
         return status;
-    return calibration_write(path, c);
+    return calibration_write(path, calibration);
 }
 
 // A lens as it was measured, at the size of the device's images. width 0: it was not.
@@ -328,7 +328,7 @@ static enum status take_lens(const struct lens *measured, struct lens *out, cons
     return status;
 }
 
-enum status device_calibration_apply(const char *id, struct calibration *c)
+enum status device_calibration_apply(const char *id, struct calibration *calibration)
 {
     char path[4096];
     struct calibration stored;
@@ -339,11 +339,11 @@ enum status device_calibration_apply(const char *id, struct calibration *c)
         return OK;
     status = calibration_read(path, &stored);
     if (status == OK)
-        status = take_lens(&stored.color, &c->color, id);
+        status = take_lens(&stored.color, &calibration->color, id);
     if (status == OK)
-        status = take_lens(c->registered ? &stored.color : &stored.depth, &c->depth, id);
-    if (status == OK && !c->registered && stored.color.width && stored.depth.width && !stored.registered)
-        c->color_from_depth = stored.color_from_depth;
+        status = take_lens(calibration->registered ? &stored.color : &stored.depth, &calibration->depth, id);
+    if (status == OK && !calibration->registered && stored.color.width && stored.depth.width && !stored.registered)
+        calibration->color_from_depth = stored.color_from_depth;
     return status;
 }
 

@@ -109,29 +109,29 @@ const char *source_clocks(const struct source *source, char out[STREAM_CLOCKS_TE
     return stream_clocks_text(&found, source->facts.listed, out);
 }
 
-enum status source_save_lens(const struct source *s, const struct lens *lens)
+enum status source_save_lens(const struct source *source, const struct lens *lens)
 {
-    struct lens kept = s->facts.calibration.color;
-    if (!*s->facts.camera_id || kept.width != lens->width || kept.height != lens->height ||
+    struct lens kept = source->facts.calibration.color;
+    if (!*source->facts.camera_id || kept.width != lens->width || kept.height != lens->height ||
         lens->focal_sigma >= kept.focal_sigma)
         return NOTHING;
     kept.fx = lens->fx;
     kept.fy = lens->fy;
     kept.focal_sigma = lens->focal_sigma;
-    return camera_lens_save(s->facts.camera_id, &kept);
+    return camera_lens_save(source->facts.camera_id, &kept);
 }
 
-enum status source_save_calibration(const struct source *s, const struct calibration *calibration)
+enum status source_save_calibration(const struct source *source, const struct calibration *calibration)
 {
-    return *s->facts.camera_id ? device_calibration_save(s->facts.camera_id, calibration) : NOTHING;
+    return *source->facts.camera_id ? device_calibration_save(source->facts.camera_id, calibration) : NOTHING;
 }
 
 void source_enable_dmabuf(struct source *source) { source->facts.dmabuf_enabled = true; }
 
-enum status source_next(struct source *s, struct frame *out)
+enum status source_next(struct source *source, struct frame *out)
 {
     *out = (struct frame){0};
-    enum status status = s->kind->next(s->self, out);
+    enum status status = source->kind->next(source->self, out);
     if (status != OK)
         *out = (struct frame){0}; // no partly filled frame
     return status;
@@ -163,12 +163,12 @@ enum status source_devices(struct source_device *out, int capacity, int *count)
 
 static const int64_t RETRY_NS = 1000000000;
 
-enum status source_player_open(struct source_player *p, const char *uri, enum source_wanted wanted)
+enum status source_player_open(struct source_player *player, const char *uri, enum source_wanted wanted)
 {
-    *p = (struct source_player){.wanted = wanted};
-    worker_thread_open(&p->worker);
-    p->uri = strdup(uri);
-    return p->uri ? OK : fail(ERR_MEMORY, "no memory for the source's name");
+    *player = (struct source_player){.wanted = wanted};
+    worker_thread_open(&player->worker);
+    player->uri = strdup(uri);
+    return player->uri ? OK : fail(ERR_MEMORY, "no memory for the source's name");
 }
 
 void source_player_close(struct source_player *player)
@@ -229,12 +229,12 @@ void source_player_wait_to_retry(struct source_player *player)
 
 // ---------------------------------------------------------------- the source
 
-enum status source_player_open_source(struct source_player *p)
+enum status source_player_open_source(struct source_player *player)
 {
-    source_player_close_source(p);
-    enum status status = source_open(&p->source, p->uri, p->wanted);
-    p->film = status == OK && !source_is_live(p->source);
-    p->began_ns = 0;
+    source_player_close_source(player);
+    enum status status = source_open(&player->source, player->uri, player->wanted);
+    player->film = status == OK && !source_is_live(player->source);
+    player->began_ns = 0;
     return status;
 }
 
@@ -253,13 +253,13 @@ static void schedule(struct source_player *player, int64_t time_ns)
     player->interval_ns = first ? 0 : player->due_ns - before_ns;
 }
 
-enum status source_player_next(struct source_player *p, struct frame *out)
+enum status source_player_next(struct source_player *player, struct frame *out)
 {
-    enum status status = source_next(p->source, out);
-    if (status == NOTHING && !p->film)
-        return fail(ERR_DEVICE, "the %s has stopped", p->wanted == SOURCE_SENSOR ? "sensor" : "camera");
-    if (status == OK && p->film)
-        schedule(p, out->time_ns);
+    enum status status = source_next(player->source, out);
+    if (status == NOTHING && !player->film)
+        return fail(ERR_DEVICE, "the %s has stopped", player->wanted == SOURCE_SENSOR ? "sensor" : "camera");
+    if (status == OK && player->film)
+        schedule(player, out->time_ns);
     return status;
 }
 

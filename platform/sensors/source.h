@@ -88,18 +88,18 @@ bool source_is_live(const struct source *source);
 // Frames still to come; -1: unknown.
 int64_t source_remaining(const struct source *source);
 
-// OK: *out is filled; its pixels are borrowed until the next call on `s`.
+// OK: *out is filled; its pixels are borrowed until the next call on `source`.
 // NOTHING: the end. ERR_DEVICE: unplugged. ERR_INPUT: a damaged image, with its
 // name; the next call continues after it. *out is zeroed unless OK.
-MUST_CHECK enum status source_next(struct source *s, struct frame *out);
+MUST_CHECK enum status source_next(struct source *source, struct frame *out);
 
 // Saves a focal length found by self-calibration for the next time this camera is opened. NOTHING: its focal_sigma is
 // no smaller than before, it is for another image size, or the source has its calibration in a file (a folder). ERR_IO.
-MUST_CHECK enum status source_save_lens(const struct source *s, const struct lens *lens);
+MUST_CHECK enum status source_save_lens(const struct source *source, const struct lens *lens);
 
 // Keeps what was measured of this very device, for the next time it is opened. NOTHING: the source has its calibration
 // in a file (a folder, a recording). ERR_IO, ERR_INPUT, ERR_MEMORY.
-MUST_CHECK enum status source_save_calibration(const struct source *s, const struct calibration *calibration);
+MUST_CHECK enum status source_save_calibration(const struct source *source, const struct calibration *calibration);
 
 // From now on frames have `dmabuf` where the source can export it and not too many are unreleased.
 void source_enable_dmabuf(struct source *source);
@@ -166,7 +166,7 @@ struct source_player {
 };
 
 // Copies the URI. ERR_MEMORY. Once opened, also with an error, it must be closed. The thread is worker_thread_start's.
-MUST_CHECK enum status source_player_open(struct source_player *p, const char *uri, enum source_wanted wanted);
+MUST_CHECK enum status source_player_open(struct source_player *player, const char *uri, enum source_wanted wanted);
 void source_player_close(struct source_player *player); // waits for the thread's end
 
 // From any thread. true: the source is to be closed, and is opened again after the call with false.
@@ -181,11 +181,11 @@ bool source_player_must_stop(struct source_player *player); // it is suspended, 
 
 // The source from its start; one that is open is closed before. A film goes on where it was over: its first frame is
 // due one interval after the last one. As source_open.
-MUST_CHECK enum status source_player_open_source(struct source_player *p);
+MUST_CHECK enum status source_player_open_source(struct source_player *player);
 void source_player_close_source(struct source_player *player); // one that is closed is fine
 
 // As source_next. NOTHING: a film is over; a live source that ends is ERR_DEVICE.
-MUST_CHECK enum status source_player_next(struct source_player *p, struct frame *out);
+MUST_CHECK enum status source_player_next(struct source_player *player, struct frame *out);
 
 // Until the last frame is due, or it must stop. Of a live source frames are due at once.
 void source_player_wait_for_frame(struct source_player *player);

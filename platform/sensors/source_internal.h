@@ -61,14 +61,14 @@ MUST_CHECK enum status camera_lens_read(const char *id, struct lens *out);
 // Writes that file, focal_sigma included. ERR_INPUT: no home folder. ERR_IO.
 MUST_CHECK enum status camera_lens_save(const char *id, const struct lens *lens);
 
-// The same file as a whole, of a camera or a depth sensor that was calibrated: what it says of *c, which the device's
-// own statements have filled, replaces them. `color`; `depth`, where depth is not registered, else it is the colour
-// camera's; `color_from_depth`, where both the file and *c say that depth is not registered. OK also without a file.
-// ERR_INPUT: it is invalid, or for images of another shape.
-MUST_CHECK enum status device_calibration_apply(const char *id, struct calibration *c);
+// The same file as a whole, of a camera or a depth sensor that was calibrated: what it says of *calibration, which the
+// device's own statements have filled, replaces them. `color`; `depth`, where depth is not registered, else it is the
+// colour camera's; `color_from_depth`, where both the file and *calibration say that depth is not registered. OK also
+// without a file. ERR_INPUT: it is invalid, or for images of another shape.
+MUST_CHECK enum status device_calibration_apply(const char *id, struct calibration *calibration);
 
 // Writes it. ERR_INPUT: no home folder. ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status device_calibration_save(const char *id, const struct calibration *c);
+MUST_CHECK enum status device_calibration_save(const char *id, const struct calibration *calibration);
 
 // Scales the lens to another image size. ERR_INPUT unless the aspect ratio is
 // the same: otherwise the crop is unknown.

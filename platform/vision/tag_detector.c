@@ -83,17 +83,17 @@ void tag_families_close(struct tag_families **tag_families)
     *tag_families = NULL;
 }
 
-enum status tag_families_look(struct tag_families *f, const struct gray_image *gray, struct tag_of_family *out,
-                              int capacity, int *count)
+enum status tag_families_look(struct tag_families *tag_families, const struct gray_image *gray,
+                              struct tag_of_family *out, int capacity, int *count)
 {
     zarray_t *found;
-    const enum status status = detect_tags(f->detector, gray, &found);
+    const enum status status = detect_tags(tag_families->detector, gray, &found);
     *count = 0;
     for (int i = 0; found && i < zarray_size(found) && *count < capacity; i++) {
         apriltag_detection_t *detection;
         zarray_get(found, i, &detection);
         for (int k = 0; k < TAG_FAMILIES && detection->decision_margin >= CLEAR; k++)
-            if (detection->family == f->family[k])
+            if (detection->family == tag_families->family[k])
                 out[(*count)++] = (struct tag_of_family){k, detection->id};
     }
     if (found)
@@ -166,11 +166,11 @@ static int compare_detections(const void *left, const void *right)
     return (a->corner[0].x > b->corner[0].x) - (a->corner[0].x < b->corner[0].x);
 }
 
-enum status tag_detector_detect(struct tag_detector *f, const struct gray_image *gray, struct tag_detection *out,
+enum status tag_detector_detect(struct tag_detector *detector, const struct gray_image *gray, struct tag_detection *out,
                                 int capacity, int *count)
 {
     zarray_t *found;
-    const enum status status = detect_tags(f->detector, gray, &found);
+    const enum status status = detect_tags(detector->detector, gray, &found);
     *count = 0;
     for (int i = 0; found && i < zarray_size(found) && *count < capacity; i++) {
         apriltag_detection_t *detection;

@@ -34,7 +34,7 @@ void tag_detector_close(struct tag_detector **detector); // NULL is fine; sets *
 // *count: number of detections written to `out`, at
 // most `capacity`, in order of id; an id can occur twice. None is OK with 0.
 // ERR_MEMORY.
-MUST_CHECK enum status tag_detector_detect(struct tag_detector *f, const struct gray_image *gray,
+MUST_CHECK enum status tag_detector_detect(struct tag_detector *detector, const struct gray_image *gray,
                                            struct tag_detection *out, int capacity, int *count);
 
 // The printed pattern of a tag: 1 is white, row 0 is the top row.
@@ -64,7 +64,7 @@ void tag_families_close(struct tag_families **tag_families); // NULL is fine; se
 
 // *count: number of tags written to `out`, at most `capacity`. Those alone whose every cell is right and clear; of the
 // smallest family a thing of other kinds may still look like one now and then. ERR_MEMORY.
-MUST_CHECK enum status tag_families_look(struct tag_families *f, const struct gray_image *gray,
+MUST_CHECK enum status tag_families_look(struct tag_families *families, const struct gray_image *gray,
                                          struct tag_of_family *out, int capacity, int *count);
 
 const char *tag_family_name(int family); // as AprilTag calls it
