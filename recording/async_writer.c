@@ -315,34 +315,34 @@ static void begin_batch(struct async_writer *writer)
     }
 }
 
-enum status async_writer_add_frame(struct async_writer *s, const struct frame_row *row)
+enum status async_writer_add_frame(struct async_writer *writer, const struct frame_row *row)
 {
     struct pending *p = copy_row(row);
     if (!p)
-        return fail(ERR_MEMORY, "no memory for a frame of %s", database_path(s->db));
-    pthread_mutex_lock(&s->lock);
-    while (s->first_error.status == OK && s->writing && s->batch.bytes > PENDING_BYTES_MAX)
-        pthread_cond_wait(&s->done, &s->lock);
-    enum status status = failure_restore(&s->first_error);
+        return fail(ERR_MEMORY, "no memory for a frame of %s", database_path(writer->db));
+    pthread_mutex_lock(&writer->lock);
+    while (writer->first_error.status == OK && writer->writing && writer->batch.bytes > PENDING_BYTES_MAX)
+        pthread_cond_wait(&writer->done, &writer->lock);
+    enum status status = failure_restore(&writer->first_error);
     if (status == OK) {
-        begin_batch(s);
-        struct batch *b = &s->batch;
+        begin_batch(writer);
+        struct batch *b = &writer->batch;
         *(b->first ? b->last : &b->first) = p;
         b->last = &p->next;
         const size_t bytes = sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes;
         b->bytes += bytes;
-        struct recording_counters *c = &s->counters;
+        struct recording_counters *c = &writer->counters;
         c->waiting_bytes += (int64_t)bytes;
         c->waiting_frames++;
         c->waiting_frames_max = c->waiting_frames > c->waiting_frames_max ? c->waiting_frames : c->waiting_frames_max;
         if (row->time_ns - b->first->row.time_ns >= BATCH_NS) {
-            s->due = true;
-            pthread_cond_broadcast(&s->wake);
+            writer->due = true;
+            pthread_cond_broadcast(&writer->wake);
         }
     } else {
         free(p);
     }
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&writer->lock);
     return status;
 }
 
@@ -354,34 +354,34 @@ void async_writer_count(struct async_writer *writer, struct recording_counters *
     pthread_mutex_unlock(&writer->lock);
 }
 
-enum status async_writer_put_take(struct async_writer *s, const struct take_row *row)
+enum status async_writer_put_take(struct async_writer *writer, const struct take_row *row)
 {
-    pthread_mutex_lock(&s->lock);
-    enum status status = failure_restore(&s->first_error);
+    pthread_mutex_lock(&writer->lock);
+    enum status status = failure_restore(&writer->first_error);
     if (status == OK) {
-        begin_batch(s);
-        s->batch.take = *row;
-        s->batch.has_take = true;
+        begin_batch(writer);
+        writer->batch.take = *row;
+        writer->batch.has_take = true;
     }
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&writer->lock);
     return status;
 }
 
-enum status async_writer_pause(struct async_writer *s)
+enum status async_writer_pause(struct async_writer *writer)
 {
-    pthread_mutex_lock(&s->lock);
-    while (s->writing)
-        pthread_cond_wait(&s->done, &s->lock);
-    return write_pending(s, false);
+    pthread_mutex_lock(&writer->lock);
+    while (writer->writing)
+        pthread_cond_wait(&writer->done, &writer->lock);
+    return write_pending(writer, false);
 }
 
-enum status async_writer_resume(struct async_writer *s, enum status status)
+enum status async_writer_resume(struct async_writer *writer, enum status status)
 {
     if (status < 0)
-        status = set_error(s, status);
-    s->unsynced = true;
-    pthread_cond_broadcast(&s->wake);
-    pthread_mutex_unlock(&s->lock);
+        status = set_error(writer, status);
+    writer->unsynced = true;
+    pthread_cond_broadcast(&writer->wake);
+    pthread_mutex_unlock(&writer->lock);
     return status;
 }
 

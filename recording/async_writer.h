@@ -29,17 +29,17 @@ MUST_CHECK enum status async_writer_open(struct async_writer **out, struct datab
 
 // Both copy their row, and both may return the error of an earlier batch: after the first error nothing more is
 // written, and every call returns that error. A later row of the take replaces an earlier one.
-MUST_CHECK enum status async_writer_add_frame(struct async_writer *s, const struct frame_row *row);
-MUST_CHECK enum status async_writer_put_take(struct async_writer *s, const struct take_row *row);
+MUST_CHECK enum status async_writer_add_frame(struct async_writer *writer, const struct frame_row *row);
+MUST_CHECK enum status async_writer_put_take(struct async_writer *writer, const struct take_row *row);
 
 // Any thread may ask.
 void async_writer_count(struct async_writer *writer, struct recording_counters *out);
 
 // Commits everything added so far and keeps the threads off the database until async_writer_resume, which must follow
 // even if this fails.
-MUST_CHECK enum status async_writer_pause(struct async_writer *s);
+MUST_CHECK enum status async_writer_pause(struct async_writer *writer);
 // status: of the caller's own writing between the two; an error becomes the writer's. Returns it.
-enum status async_writer_resume(struct async_writer *s, enum status status);
+enum status async_writer_resume(struct async_writer *writer, enum status status);
 
 // Commits what was added, ends the threads and frees; returns the first error ever met. NULL is fine; sets *s = NULL.
 enum status async_writer_close(struct async_writer **s);

@@ -153,26 +153,26 @@ static void next_row(struct earlier_rows *rows, int width)
 
 // The head has been read into c->rans and c->depth_of; the code's first part are the uncoded bits. states: 1 or 2.
 // NOTHING: the code is damaged. ERR_MEMORY.
-static enum status depth_decode_earlier(struct depth_coder *c, int states, const struct depth_code *code,
-                                        const struct depth_layout *l, uint16_t *depth)
+static enum status depth_decode_earlier(struct depth_coder *coder, int states, const struct depth_code *code,
+                                        const struct depth_layout *layout, uint16_t *depth)
 {
-    const size_t pixels = (size_t)l->width + 2, bytes = 4 * pixels * sizeof(int);
-    struct earlier_reader in = {.rans = c->rans, .states = states};
-    enum status status = depth_coder_grow(&c->rows, &c->rows_capacity, bytes);
+    const size_t pixels = (size_t)layout->width + 2, bytes = 4 * pixels * sizeof(int);
+    struct earlier_reader in = {.rans = coder->rans, .states = states};
+    enum status status = depth_coder_grow(&coder->rows, &coder->rows_capacity, bytes);
     if (status != OK)
         return status;
     if (!start(&in, code))
         return NOTHING;
-    int *rows = (int *)(void *)c->rows; // aligned: from realloc
+    int *rows = (int *)(void *)coder->rows; // aligned: from realloc
     memset(rows, 0, bytes);
     struct earlier_rows r = {rows, rows + pixels, rows + 2 * pixels, rows + 3 * pixels};
     int64_t run = -1;
-    for (int y = 0; y < l->height; y++) {
-        next_row(&r, l->width);
-        if (!decode_row(&in, &r, l, &run))
+    for (int y = 0; y < layout->height; y++) {
+        next_row(&r, layout->width);
+        if (!decode_row(&in, &r, layout, &run))
             return NOTHING;
-        for (int x = 0; x < l->width; x++)
-            *depth++ = c->depth_of[r.level[x + 1]];
+        for (int x = 0; x < layout->width; x++)
+            *depth++ = coder->depth_of[r.level[x + 1]];
     }
     return run <= 0 && is_done(&in) ? OK : NOTHING;
 }
@@ -297,37 +297,37 @@ static enum status make_head(struct depth_coder *coder, int levels, size_t *head
     return OK;
 }
 
-enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width, int height, const uint8_t **bytes,
+enum status depth_encode(struct depth_coder *coder, const uint16_t *depth, int width, int height, const uint8_t **bytes,
                          size_t *count)
 {
     assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
     size_t n = (size_t)width * (size_t)height, head_plain, head_packed, words[RANS_STREAMS];
-    int largest, levels = find_levels(c, depth, n, &largest);
-    int noise = levels ? 0 : measure_noise(c, depth, width, height);
+    int largest, levels = find_levels(coder, depth, n, &largest);
+    int noise = levels ? 0 : measure_noise(coder, depth, width, height);
     const struct depth_layout layout = {width, height, noise, levels};
-    enum status status = rans_begin(c->rans, (size_t)(height + 1) / 2 * depth_row_numbers(width));
+    enum status status = rans_begin(coder->rans, (size_t)(height + 1) / 2 * depth_row_numbers(width));
     if (status == OK)
-        status = (levels ? levels : largest + 1) <= DEPTH_NARROW_LEVELS ? depth_encode_narrow(c, depth, &layout)
-                                                                        : depth_encode_wide(c, depth, &layout);
+        status = (levels ? levels : largest + 1) <= DEPTH_NARROW_LEVELS ? depth_encode_narrow(coder, depth, &layout)
+                                                                        : depth_encode_wide(coder, depth, &layout);
     if (status == OK)
-        status = rans_finish(c->rans, words);
+        status = rans_finish(coder->rans, words);
     if (status == OK)
-        status = make_head(c, levels, &head_plain);
+        status = make_head(coder, levels, &head_plain);
     if (status != OK)
         return status;
     size_t bound = compress_bound(head_plain);
     if (words[0] + words[1] + bound >= 2 * n)
-        return store_raw(c, depth, width, height, bytes, count);
-    status = depth_coder_grow(&c->out, &c->out_capacity, DEPTH_HEADER + bound + words[0] + words[1]);
+        return store_raw(coder, depth, width, height, bytes, count);
+    status = depth_coder_grow(&coder->out, &coder->out_capacity, DEPTH_HEADER + bound + words[0] + words[1]);
     if (status == OK)
-        status = compress_bytes(c->compressor, 3, c->head, head_plain, c->out + DEPTH_HEADER, &head_packed);
+        status = compress_bytes(coder->compressor, 3, coder->head, head_plain, coder->out + DEPTH_HEADER, &head_packed);
     if (status != OK)
         return status;
-    uint8_t *at = put_u16(put_u16(put_u8(c->out, DEPTH_BLOCKS), (uint16_t)width), (uint16_t)height);
+    uint8_t *at = put_u16(put_u16(put_u8(coder->out, DEPTH_BLOCKS), (uint16_t)width), (uint16_t)height);
     at = put_u32(put_u8(at, (uint8_t)noise), (uint32_t)levels);
     at = put_u32(put_u32(put_u32(at, (uint32_t)head_plain), (uint32_t)head_packed), (uint32_t)words[0]);
-    rans_copy(c->rans, at + head_packed);
-    *bytes = c->out;
+    rans_copy(coder->rans, at + head_packed);
+    *bytes = coder->out;
     *count = DEPTH_HEADER + head_packed + words[0] + words[1];
     return OK;
 }
@@ -389,7 +389,7 @@ static enum status decode_coded(struct depth_coder *coder, int method, const uin
     return status == NOTHING ? damaged() : status;
 }
 
-enum status depth_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint16_t *depth, int width,
+enum status depth_decode(struct depth_coder *coder, const uint8_t *bytes, size_t count, uint16_t *depth, int width,
                          int height)
 {
     assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
@@ -402,7 +402,7 @@ enum status depth_decode(struct depth_coder *c, const uint8_t *bytes, size_t cou
         return fail(ERR_CORRUPT, "a depth image has %d x %d pixels where %d x %d were expected", coded_width,
                     coded_height, width, height);
     if (bytes[0] > DEPTH_RAW && bytes[0] <= DEPTH_BLOCKS)
-        return decode_coded(c, bytes[0], at, end, &(struct depth_size){width, height}, depth);
+        return decode_coded(coder, bytes[0], at, end, &(struct depth_size){width, height}, depth);
     if (bytes[0] != DEPTH_RAW || count != 5 + 2 * n)
         return damaged();
     for (size_t i = 0; i < n; i++)
@@ -428,7 +428,7 @@ static size_t run_end(const uint8_t *mask, size_t from, size_t n, size_t width, 
     return from;
 }
 
-enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, int height, const uint8_t **bytes,
+enum status mask_encode(struct depth_coder *coder, const uint8_t *mask, int width, int height, const uint8_t **bytes,
                         size_t *count)
 {
     assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
@@ -436,28 +436,29 @@ enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, i
     bool differs = false;
     for (size_t from = 0; from < n; differs = !differs) {
         // The buffer doubles, so that a simple mask does not cost the memory of the worst one.
-        if (c->head_capacity < used + 5) {
-            enum status status = depth_coder_grow(&c->head, &c->head_capacity, 2 * used + 4096);
+        if (coder->head_capacity < used + 5) {
+            enum status status = depth_coder_grow(&coder->head, &coder->head_capacity, 2 * used + 4096);
             if (status != OK)
                 return status;
         }
         size_t end = run_end(mask, from, n, (size_t)width, differs);
-        used = (size_t)(put_varint(c->head + used, (uint32_t)(end - from)) - c->head);
+        used = (size_t)(put_varint(coder->head + used, (uint32_t)(end - from)) - coder->head);
         from = end;
     }
     size_t bound = compress_bound(used);
-    enum status status = depth_coder_grow(&c->out, &c->out_capacity, HEADER + bound);
+    enum status status = depth_coder_grow(&coder->out, &coder->out_capacity, HEADER + bound);
     if (status == OK)
-        status = compress_bytes(c->compressor, 3, c->head, used, c->out + HEADER, &packed);
+        status = compress_bytes(coder->compressor, 3, coder->head, used, coder->out + HEADER, &packed);
     if (status != OK)
         return status;
-    put_u32(put_u16(put_u16(put_u8(c->out, VERSION), (uint16_t)width), (uint16_t)height), (uint32_t)used);
-    *bytes = c->out;
+    put_u32(put_u16(put_u16(put_u8(coder->out, VERSION), (uint16_t)width), (uint16_t)height), (uint32_t)used);
+    *bytes = coder->out;
     *count = HEADER + packed;
     return OK;
 }
 
-enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint8_t *mask, int width, int height)
+enum status mask_decode(struct depth_coder *coder, const uint8_t *bytes, size_t count, uint8_t *mask, int width,
+                        int height)
 {
     assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
     size_t n = (size_t)width * (size_t)height, w = (size_t)width;
@@ -468,13 +469,13 @@ enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t coun
     uint32_t used = get_u32(&at);
     if (coded_width != width || coded_height != height || used > 2 * n + 5)
         return fail(ERR_CORRUPT, "a mask's code is damaged or of another size");
-    enum status status = depth_coder_grow(&c->head, &c->head_capacity, used + (size_t)1);
+    enum status status = depth_coder_grow(&coder->head, &coder->head_capacity, used + (size_t)1);
     if (status == OK)
-        status = decompress_bytes(c->compressor, at, count - HEADER, c->head, used);
+        status = decompress_bytes(coder->compressor, at, count - HEADER, coder->head, used);
     if (status != OK)
         return status;
-    const uint8_t *end = c->head + used;
-    at = c->head;
+    const uint8_t *end = coder->head + used;
+    at = coder->head;
     size_t i = 0;
     for (uint8_t differs = 0; i < n; differs = !differs) {
         uint32_t run;

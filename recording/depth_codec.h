@@ -12,14 +12,14 @@ void depth_coder_close(struct depth_coder **coder);                // NULL is fi
 
 // An image has 1..16384 pixels a side and any uint16_t values. *bytes belongs to the coder and is valid until its next
 // call. ERR_MEMORY: *bytes and *count are then undefined, and the coder can be used again.
-MUST_CHECK enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width, int height,
+MUST_CHECK enum status depth_encode(struct depth_coder *coder, const uint16_t *depth, int width, int height,
                                     const uint8_t **bytes, size_t *count);
 // ERR_CORRUPT: damaged, truncated or of another size. ERR_MEMORY. On failure depth[] is undefined.
-MUST_CHECK enum status depth_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint16_t *depth,
+MUST_CHECK enum status depth_decode(struct depth_coder *coder, const uint8_t *bytes, size_t count, uint16_t *depth,
                                     int width, int height);
 
 // The same for masks: one byte a pixel; any value but 0 is stored as 1.
-MUST_CHECK enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, int height,
+MUST_CHECK enum status mask_encode(struct depth_coder *coder, const uint8_t *mask, int width, int height,
                                    const uint8_t **bytes, size_t *count);
-MUST_CHECK enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint8_t *mask, int width,
-                                   int height);
+MUST_CHECK enum status mask_decode(struct depth_coder *coder, const uint8_t *bytes, size_t count, uint8_t *mask,
+                                   int width, int height);

@@ -372,16 +372,16 @@ static struct frame_order frames_of(const struct frame_copier *copier, int64_t t
     return order;
 }
 
-enum status frame_copier_copy(struct frame_copier *c, const struct take_row *take, int64_t new_id, bool located,
+enum status frame_copier_copy(struct frame_copier *copier, const struct take_row *take, int64_t new_id, bool located,
                               struct frame_copy_counts *out)
 {
-    struct frame_order order = frames_of(c, take->id);
+    struct frame_order order = frames_of(copier, take->id);
     const int64_t first = order.key;
     int64_t key, rows = 0, last_time_ns = 0;
     struct take_entry entry;
     enum status status;
     *out = (struct frame_copy_counts){.representative = -1};
-    while ((status = next_in_order(c, &order, &key, &entry)) == OK) {
+    while ((status = next_in_order(copier, &order, &key, &entry)) == OK) {
         rows = key - first + 1;
         if (out->saved && entry.time_ns <= last_time_ns)
             continue;
@@ -390,9 +390,9 @@ enum status frame_copier_copy(struct frame_copier *c, const struct take_row *tak
             entry.located = false;
             entry.world_from_camera = POSE_IDENTITY;
         }
-        status = read_joint_error(c, key, &entry, &without_covariances);
+        status = read_joint_error(copier, key, &entry, &without_covariances);
         if (status == OK)
-            status = copy_frame(c, key, frame_key(new_id, out->saved), &entry, &take->calibration, &damaged);
+            status = copy_frame(copier, key, frame_key(new_id, out->saved), &entry, &take->calibration, &damaged);
         if (status == NOTHING)
             continue;
         if (status != OK)

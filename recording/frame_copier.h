@@ -30,7 +30,7 @@ MUST_CHECK enum status frame_copier_find_strays(struct frame_copier *copier);
 
 // Copies the frames of `take`, which calibration and body describe, as the take `new_id`. `located` false: poses are
 // left out. The size of an image that does not fit the calibration makes it unusable. ERR_MEMORY, ERR_IO.
-MUST_CHECK enum status frame_copier_copy(struct frame_copier *c, const struct take_row *take, int64_t new_id,
+MUST_CHECK enum status frame_copier_copy(struct frame_copier *copier, const struct take_row *take, int64_t new_id,
                                          bool located, struct frame_copy_counts *out);
 
 // For a take whose row is damaged: takes the sizes of its images from the first one that can be read.

@@ -50,13 +50,13 @@ void rans_close(struct rans_coder **coder)
 
 // ------------------------------------------------------------- encoding
 
-enum status rans_begin(struct rans_coder *r, size_t numbers)
+enum status rans_begin(struct rans_coder *coder, size_t numbers)
 {
-    const bool fits = r->capacity && numbers <= r->capacity;
+    const bool fits = coder->capacity && numbers <= coder->capacity;
     if (!fits)
-        r->capacity = 0;
+        coder->capacity = 0;
     for (int i = 0; i < RANS_STREAMS; i++) {
-        struct rans_numbers *n = &r->numbers[i];
+        struct rans_numbers *n = &coder->numbers[i];
         n->count = n->large_count = 0;
         if (fits)
             continue;
@@ -66,9 +66,9 @@ enum status rans_begin(struct rans_coder *r, size_t numbers)
         n->large = malloc((numbers + 1) * sizeof *n->large); // one more is written to, though not kept
     }
     for (int i = 0; i < RANS_STREAMS; i++)
-        if (!r->numbers[i].codes || !r->numbers[i].large)
+        if (!coder->numbers[i].codes || !coder->numbers[i].large)
             return fail(ERR_MEMORY, "no memory to code an image");
-    r->capacity = fits ? r->capacity : numbers;
+    coder->capacity = fits ? coder->capacity : numbers;
     return OK;
 }
 
@@ -218,25 +218,25 @@ static void make_symbol_codes(struct rans_coder *coder)
     }
 }
 
-enum status rans_finish(struct rans_coder *r, size_t bytes[RANS_STREAMS])
+enum status rans_finish(struct rans_coder *coder, size_t bytes[RANS_STREAMS])
 {
     size_t wanted = 0, most[RANS_STREAMS];
     for (int i = 0; i < RANS_STREAMS; i++)
-        wanted += most[i] = 2 * r->numbers[i].count + (RANS_NUMBER_BYTES - 2) * r->numbers[i].large_count + 8;
-    if (wanted > r->words_capacity) {
-        free(r->words);
-        r->words = malloc(wanted);
-        r->words_capacity = r->words ? wanted : 0;
+        wanted += most[i] = 2 * coder->numbers[i].count + (RANS_NUMBER_BYTES - 2) * coder->numbers[i].large_count + 8;
+    if (wanted > coder->words_capacity) {
+        free(coder->words);
+        coder->words = malloc(wanted);
+        coder->words_capacity = coder->words ? wanted : 0;
     }
-    if (!r->words)
+    if (!coder->words)
         return fail(ERR_MEMORY, "no memory to code an image");
-    r->words_end[0] = r->words + most[0]; // words grow down from there
-    r->words_end[1] = r->words_end[0] + most[1];
-    count_codes(r);
-    make_symbol_codes(r);
-    code_streams(r);
+    coder->words_end[0] = coder->words + most[0]; // words grow down from there
+    coder->words_end[1] = coder->words_end[0] + most[1];
+    count_codes(coder);
+    make_symbol_codes(coder);
+    code_streams(coder);
     for (int i = 0; i < RANS_STREAMS; i++)
-        bytes[i] = (size_t)(r->words_end[i] - r->words_begin[i]);
+        bytes[i] = (size_t)(coder->words_end[i] - coder->words_begin[i]);
     return OK;
 }
 
@@ -313,21 +313,21 @@ bool rans_get_frequencies(struct rans_coder *coder, int contexts, const uint8_t 
 
 static bool is_state(uint32_t state) { return state >= RANS_LOW && state < (uint32_t)RANS_LOW << 16; }
 
-enum status rans_start(struct rans_coder *r, const uint8_t *words, const size_t bytes[RANS_STREAMS], size_t ahead)
+enum status rans_start(struct rans_coder *coder, const uint8_t *words, const size_t bytes[RANS_STREAMS], size_t ahead)
 {
     const size_t all = bytes[0] + bytes[1], wanted = all + ahead;
-    if (wanted > r->padded_capacity) {
-        free(r->padded);
-        r->padded = malloc(wanted);
-        r->padded_capacity = r->padded ? wanted : 0;
+    if (wanted > coder->padded_capacity) {
+        free(coder->padded);
+        coder->padded = malloc(wanted);
+        coder->padded_capacity = coder->padded ? wanted : 0;
     }
-    if (!r->padded)
+    if (!coder->padded)
         return fail(ERR_MEMORY, "no memory to decode an image");
-    memcpy(r->padded, words, all);
-    memset(r->padded + all, 0, ahead);
-    const uint8_t *at = r->padded;
+    memcpy(coder->padded, words, all);
+    memset(coder->padded + all, 0, ahead);
+    const uint8_t *at = coder->padded;
     for (int i = 0; i < RANS_STREAMS; i++) {
-        struct rans_reader *s = &r->reader[i];
+        struct rans_reader *s = &coder->reader[i];
         if (bytes[i] < 4 || bytes[i] % 2)
             return NOTHING;
         s->word = at;

@@ -77,7 +77,7 @@ void rans_close(struct rans_coder **coder);                              // NULL
 // ---- encoding: at most `numbers` a stream, and RANS_SLACK codes behind them may be overwritten. ERR_MEMORY:
 // rans_begin must be called again before pushing.
 enum { RANS_SLACK = 16 };
-MUST_CHECK enum status rans_begin(struct rans_coder *r, size_t numbers);
+MUST_CHECK enum status rans_begin(struct rans_coder *coder, size_t numbers);
 static inline uint32_t rans_symbol(uint32_t number)
 {
     const int size = 31 - __builtin_clz(number | RANS_PLAIN);
@@ -90,7 +90,7 @@ static inline void rans_push(struct rans_numbers *numbers, int context, uint32_t
     numbers->large_count += number >= RANS_PLAIN;
 }
 // Encodes everything; gives the number of bytes of each stream. ERR_MEMORY.
-MUST_CHECK enum status rans_finish(struct rans_coder *r, size_t bytes[RANS_STREAMS]);
+MUST_CHECK enum status rans_finish(struct rans_coder *coder, size_t bytes[RANS_STREAMS]);
 void rans_copy(const struct rans_coder *coder, uint8_t *to); // all streams in order
 size_t rans_frequencies_max(int contexts);                   // bytes that rans_put_frequencies may need
 uint8_t *rans_put_frequencies(const struct rans_coder *coder, uint8_t *at);
@@ -100,7 +100,7 @@ uint8_t *rans_put_frequencies(const struct rans_coder *coder, uint8_t *at);
 bool rans_get_frequencies(struct rans_coder *coder, int contexts, const uint8_t *at, const uint8_t *end);
 // Copies the streams; at most `ahead` bytes are then pulled from a stream before rans_is_within is asked. NOTHING: they
 // are damaged. ERR_MEMORY.
-MUST_CHECK enum status rans_start(struct rans_coder *r, const uint8_t *words, const size_t bytes[RANS_STREAMS],
+MUST_CHECK enum status rans_start(struct rans_coder *coder, const uint8_t *words, const size_t bytes[RANS_STREAMS],
                                   size_t ahead);
 static inline bool rans_is_within(const struct rans_reader *reader) { return reader->word <= reader->end; }
 bool rans_is_done(

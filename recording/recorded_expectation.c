@@ -18,14 +18,16 @@ bool take_expectation_is_empty(const struct take_expectation *expectation)
     return !given;
 }
 
-static bool is_good(const struct take_expectation *e)
+static bool is_good(const struct take_expectation *expectation)
 {
-    bool good = !(e->ignored & ~ALL_PARTS) && e->ignored != ALL_PARTS && e->from_ns <= e->to_ns &&
-                e->reference_count >= 0 && e->reference_count <= EXPECTATION_REFERENCES_MAX;
+    bool good = !(expectation->ignored & ~ALL_PARTS) && expectation->ignored != ALL_PARTS &&
+                expectation->from_ns <= expectation->to_ns && expectation->reference_count >= 0 &&
+                expectation->reference_count <= EXPECTATION_REFERENCES_MAX;
     for (int p = 0; p < PART_COUNT; p++)
-        good = good && e->tolerance_rad[p] >= 0 && e->tolerance_rad[p] <= TOLERANCE_MAX_RAD; // false for NaN
-    for (int i = 0; good && i < e->reference_count; i++)
-        good = take_id_is_valid(e->reference[i]);
+        good = good && expectation->tolerance_rad[p] >= 0 &&
+               expectation->tolerance_rad[p] <= TOLERANCE_MAX_RAD; // false for NaN
+    for (int i = 0; good && i < expectation->reference_count; i++)
+        good = take_id_is_valid(expectation->reference[i]);
     return good;
 }
 
@@ -52,11 +54,11 @@ struct row {
     struct take_expectation expectation;
 };
 
-static void put_numbers(uint8_t out[NUMBERS_BYTES], const struct take_expectation *e)
+static void put_numbers(uint8_t out[NUMBERS_BYTES], const struct take_expectation *expectation)
 {
     for (int p = 0; p < PART_COUNT; p++)
-        out = put_f64(out, e->tolerance_rad[p]);
-    put_u64(put_u64(put_u16(out, e->ignored), (uint64_t)e->from_ns), (uint64_t)e->to_ns);
+        out = put_f64(out, expectation->tolerance_rad[p]);
+    put_u64(put_u64(put_u16(out, expectation->ignored), (uint64_t)expectation->from_ns), (uint64_t)expectation->to_ns);
 }
 
 static uint32_t row_crc(int64_t take, const uint8_t *numbers, const uint8_t *takes, size_t takes_bytes)
@@ -123,12 +125,12 @@ enum status recorded_expectation_read(const struct take *take, struct take_expec
     return status == ERR_CORRUPT ? recording_damaged(r, "what is expected of a take cannot be read") : status;
 }
 
-enum status recorded_expectation_check(struct recording *r, int64_t *damaged)
+enum status recorded_expectation_check(struct recording *recording, int64_t *damaged)
 {
     struct statement *s;
     struct row row;
     *damaged = 0;
-    enum status status = read_open(&s, recording_database(r), "WHERE rowid IN (SELECT rowid FROM take)");
+    enum status status = read_open(&s, recording_database(recording), "WHERE rowid IN (SELECT rowid FROM take)");
     while (status == OK && (status = statement_step(s)) == OK)
         *damaged += !from_row(s, &row);
     statement_close(&s);

@@ -47,9 +47,9 @@ static enum status from_row(struct recording *recording, struct statement *state
     return OK;
 }
 
-enum status recording_read_drive(struct recording *r, struct recorded_drive *out)
+enum status recording_read_drive(struct recording *recording, struct recorded_drive *out)
 {
-    struct database *db = recording_database(r);
+    struct database *db = recording_database(recording);
     struct statement *s = NULL;
     int64_t tables = 0;
     enum status status = database_number(db, COUNT_TABLES("'drive'"), &tables);
@@ -60,7 +60,7 @@ enum status recording_read_drive(struct recording *r, struct recorded_drive *out
     if (status == OK)
         status = statement_step(s);
     if (status == OK)
-        status = from_row(r, s, out);
+        status = from_row(recording, s, out);
     statement_close(&s);
     return status;
 }
@@ -278,10 +278,10 @@ static enum status read_rows(struct reading *to, const char *count_tables, const
     return status == NOTHING || status == ERR_CORRUPT ? OK : status;
 }
 
-enum status recording_salvage_things(struct recording *r, struct recorded_thing **things, int *count,
+enum status recording_salvage_things(struct recording *recording, struct recorded_thing **things, int *count,
                                      struct things_lost *lost)
 {
-    struct reading from = {.r = r};
+    struct reading from = {.r = recording};
     enum status status = read_rows(&from, COUNT_TABLES("'thing'"), "SELECT " THING_COLUMNS " FROM thing ORDER BY rowid",
                                    read_thing, &from.lost.things);
     if (status == OK)
@@ -299,15 +299,15 @@ enum status recording_salvage_things(struct recording *r, struct recorded_thing 
     return status;
 }
 
-enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count)
+enum status recording_read_things(struct recording *recording, struct recorded_thing **things, int *count)
 {
     struct things_lost lost;
-    enum status status = recording_salvage_things(r, things, count, &lost);
+    enum status status = recording_salvage_things(recording, things, count, &lost);
     if (status != OK || !lost.things) // text is worth more than pictures: a thing is shown without them
         return status;
     recorded_things_free(things, *count);
     *count = 0;
-    return recording_damaged(r, "a thing cannot be read");
+    return recording_damaged(recording, "a thing cannot be read");
 }
 
 static bool copy_bytes(struct thing_content *to, const struct thing_content *from)

@@ -19,7 +19,7 @@ struct recorded_drive {
 };
 
 // NOTHING: no robot was driven there; *out is then untouched. ERR_CORRUPT, ERR_IO.
-MUST_CHECK enum status recording_read_drive(struct recording *r, struct recorded_drive *out);
+MUST_CHECK enum status recording_read_drive(struct recording *recording, struct recorded_drive *out);
 
 // In place of an earlier one. ERR_INPUT: a number is not finite; otherwise as recording_change.
 MUST_CHECK enum status recording_write_drive(const char *path, const struct recorded_drive *drive);
@@ -48,12 +48,12 @@ enum { THING_CONTENT_MAX = 16 << 20 }; // bytes of one
 // *things is malloc'ed; recorded_things_free frees it. A file without the table has none. ERR_CORRUPT: one of them is
 // damaged; ERR_IO, ERR_MEMORY; on error there are none. A picture or model that is damaged is left out. Names,
 // addresses and notes are printable (base/text.h): what a terminal or server would obey is read as '?'.
-MUST_CHECK enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count);
+MUST_CHECK enum status recording_read_things(struct recording *recording, struct recorded_thing **things, int *count);
 // The same, but what is damaged costs itself alone and is counted. ERR_IO, ERR_MEMORY.
 struct things_lost {
     int things, contents; // contents: pictures and models
 };
-MUST_CHECK enum status recording_salvage_things(struct recording *r, struct recorded_thing **things, int *count,
+MUST_CHECK enum status recording_salvage_things(struct recording *recording, struct recorded_thing **things, int *count,
                                                 struct things_lost *lost);
 // A copy of its own; what *to held before is lost. ERR_MEMORY: *to can be freed.
 MUST_CHECK enum status recorded_thing_copy(struct recorded_thing *to, const struct recorded_thing *from);

@@ -171,13 +171,13 @@ enum status recorded_verdict_read(const struct take *take, struct take_verdict *
     return status == ERR_CORRUPT || status == ERR_FORMAT ? NOTHING : status;
 }
 
-enum status recorded_verdict_check(struct recording *r, int64_t *damaged)
+enum status recorded_verdict_check(struct recording *recording, int64_t *damaged)
 {
     struct statement *s;
     struct verdict_key key;
     struct take_verdict v;
     *damaged = 0;
-    enum status status = read_open(&s, recording_database(r), "WHERE rowid IN (SELECT rowid FROM take)");
+    enum status status = read_open(&s, recording_database(recording), "WHERE rowid IN (SELECT rowid FROM take)");
     while (status == OK && (status = statement_step(s)) == OK)
         *damaged += !from_row(s, &key, &v);
     statement_close(&s);

@@ -32,13 +32,13 @@ MUST_CHECK enum status recording_check_change(const char *path);
 
 // Stores a copy of `place` in one transaction, replacing an earlier one. ERR_INPUT: a number is not finite or the
 // calibration is invalid; nothing is written. ERR_IO, ERR_MEMORY: as recording_add_frame.
-MUST_CHECK enum status recording_put_place(struct recording_writer *w, const struct place *place);
+MUST_CHECK enum status recording_put_place(struct recording_writer *writer, const struct place *place);
 
 // Begins a take. At most one is open. ERR_EXISTS: the name is in use. ERR_INPUT: the name is empty, longer than 200
 // bytes or holds control characters; or the calibration is invalid (a registered one must have the identity as
 // color_from_depth). After these two no take is open and the writer can go on. ERR_IO, ERR_MEMORY: as
 // recording_add_frame.
-MUST_CHECK enum status recording_begin_take(struct recording_writer *w, const char *name,
+MUST_CHECK enum status recording_begin_take(struct recording_writer *writer, const char *name,
                                             const struct calibration *calibration);
 
 // What is written for one instant. Everything is copied.
@@ -61,22 +61,22 @@ struct take_frame {
 // not fit the calibration, or holds a number that is not finite or a time beyond TAKE_TIME_MAX_NS; nothing is written
 // and the writer can go on. ERR_IO: disk full or gone; what was committed stays readable, only recording_close is
 // allowed from here on. ERR_MEMORY.
-MUST_CHECK enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame);
+MUST_CHECK enum status recording_add_frame(struct recording_writer *writer, const struct take_frame *frame);
 
 // Stores the body as far as it is measured; may be called repeatedly during the take. ERR_INPUT, ERR_IO.
-MUST_CHECK enum status recording_put_body(struct recording_writer *w, const struct body *body);
+MUST_CHECK enum status recording_put_body(struct recording_writer *writer, const struct body *body);
 
 // Stores how many frames were dropped so far, by the sensor or by capture. ERR_IO.
-MUST_CHECK enum status recording_put_dropped(struct recording_writer *w, int64_t dropped);
+MUST_CHECK enum status recording_put_dropped(struct recording_writer *writer, int64_t dropped);
 
 // Commits and marks the take as complete; a take without frames is removed. ERR_IO: it stays marked as interrupted, as
 // recording_add_frame.
-MUST_CHECK enum status recording_end_take(struct recording_writer *w);
+MUST_CHECK enum status recording_end_take(struct recording_writer *writer);
 
 // Replaces skeletons of the take that was ended last, in its first `count` frames: NULL keeps a frame's skeleton, one
 // without a known joint removes it, and a frame without a skeleton remains without. One transaction: all of them or, on
 // any error, none. ERR_INPUT: a number is not finite. ERR_IO.
-MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton,
+MUST_CHECK enum status recording_put_skeletons(struct recording_writer *writer, const struct skeleton *const *skeleton,
                                                int64_t count);
 
 // How the writing goes. Any thread may ask.
@@ -92,9 +92,9 @@ struct recording_counters recording_writer_count(const struct recording_writer *
 
 const char *recording_writer_path(const struct recording_writer *writer); // valid until recording_close
 
-// Commits what was added, closes, frees, sets *w = NULL (NULL is fine). Returns the first error the writer ever met. A
-// take that is still open is kept and marked as interrupted; one without frames is removed.
-enum status recording_close(struct recording_writer **w);
+// Commits what was added, closes, frees, sets *writer = NULL (NULL is fine). Returns the first error the writer ever
+// met. A take that is still open is kept and marked as interrupted; one without frames is removed.
+enum status recording_close(struct recording_writer **writer);
 
 // Removes a recording that was made in vain, with its log.
 void recording_discard(const char *path);
@@ -109,10 +109,10 @@ void recording_free(struct recording **recording); // NULL is fine; sets *record
 // NOTHING: the file holds no place. ERR_CORRUPT: its calibration, tags or points cannot be read; damaged views are left
 // out (place.h). ERR_IO, ERR_MEMORY. On OK the caller owns *out (place_free); otherwise
 // it is unchanged.
-MUST_CHECK enum status recording_read_place(struct recording *r, struct place *out);
+MUST_CHECK enum status recording_read_place(struct recording *recording, struct place *out);
 
 // The same without its views, which take a thousand times longer to read: what a camera is located by.
-MUST_CHECK enum status recording_read_map(struct recording *r, struct place *out);
+MUST_CHECK enum status recording_read_map(struct recording *recording, struct place *out);
 
 const char *recording_path(const struct recording *recording); // valid until recording_free
 int recording_take_count(const struct recording *recording);
@@ -120,23 +120,23 @@ int recording_take_count(const struct recording *recording);
 const char *recording_take_name(const struct recording *recording, int index);
 
 // Opens a take and reads its index: calibration, body and one take_entry a frame, no images. Frames that cannot be
-// read are left out (take_lost). The handle uses `r`, which must outlive it. ERR_MISSING: no such take; the sentence
-// lists the takes there are. ERR_CORRUPT: its row cannot be read. ERR_IO, ERR_MEMORY. On failure *out is NULL.
-MUST_CHECK enum status take_open(struct take **out, struct recording *r, const char *name);
+// read are left out (take_lost). The handle uses `recording`, which must outlive it. ERR_MISSING: no such take; the
+// sentence lists the takes there are. ERR_CORRUPT: its row cannot be read. ERR_IO, ERR_MEMORY. On failure *out is NULL.
+MUST_CHECK enum status take_open(struct take **out, struct recording *recording, const char *name);
 
 // The same for those who look at the take: where the sensor had no colour camera, or one that gave no image and whose
 // axes are the depth camera's, each frame's colour image is drawn from its depth (depth_picture.h), and
 // take_calibration and the entries say so: it has the depth camera's lens.
-MUST_CHECK enum status take_open_drawn(struct take **out, struct recording *r, const char *name);
+MUST_CHECK enum status take_open_drawn(struct take **out, struct recording *recording, const char *name);
 
 // Opens another handle on the same take: it shares the index, which is immutable and reference-counted, and has its
-// own statement and decode buffers. `r` is another handle on the same file, used by the same thread as *out. `same` is
-// only read and must be open during the call; afterwards the handles may be closed in any order, by any threads.
-// ERR_IO, ERR_CORRUPT, ERR_MEMORY; on failure *out is NULL.
+// own statement and decode buffers. `recording` is another handle on the same file, used by the same thread as *out.
+// `same` is only read and must be open during the call; afterwards the handles may be closed in any order, by any
+// threads. ERR_IO, ERR_CORRUPT, ERR_MEMORY; on failure *out is NULL.
 //
 // Memory: the index has 712 bytes a frame, once for all handles: 77 MB for an hour at 30 Hz, of which 21 MB are
 // the joints' covariances as half floats. A handle adds one decoded frame: colour 3, depth 2, mask 1 bytes a pixel.
-MUST_CHECK enum status take_open_shared(struct take **out, struct recording *r, const struct take *same);
+MUST_CHECK enum status take_open_shared(struct take **out, struct recording *recording, const struct take *same);
 void take_close(struct take **take); // NULL is fine; sets *take = NULL
 
 // One frame of the index. No bigger than it must be: an hour has 108000.
@@ -154,7 +154,7 @@ struct take_sizes {
     bool exact;                         // false: reckoned from some of the frames
 };
 // Reads the parts' lengths of at most 300 frames, not the parts. ERR_IO, ERR_CORRUPT, ERR_MEMORY.
-MUST_CHECK enum status take_read_sizes(struct take *t, struct take_sizes *out);
+MUST_CHECK enum status take_read_sizes(struct take *take, struct take_sizes *out);
 
 const struct calibration *take_calibration(const struct take *take);
 int64_t take_frame_count(const struct take *take);
@@ -183,13 +183,13 @@ enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // Reads and decodes the wanted images (a sum of take_want) of frame `index`. ERR_CORRUPT: the frame is damaged; others
 // can still be read. ERR_IO: also where another program trimmed or deleted the take since it was
 // opened. ERR_MEMORY. On failure all images in *out are NULL.
-MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
+MUST_CHECK enum status take_read(struct take *take, int64_t index, unsigned want, struct take_images *out);
 // How many frames all handles on the take have decoded so far, for tests of what reads too much. Any thread may ask.
 int64_t take_frames_decoded(const struct take *take);
 
 // The bytes of a frame's colour image, a JPEG as the sensor made it where it did; valid until the handle's next
 // take_read or take_read_jpeg. NOTHING: it has no colour of its own. Errors as take_read; unless OK, *bytes is NULL.
-MUST_CHECK enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes, size_t *count);
+MUST_CHECK enum status take_read_jpeg(struct take *take, int64_t index, const uint8_t **bytes, size_t *count);
 
 // ---------------------------------------------------------------- verify and repair
 

@@ -31,9 +31,9 @@ const uint8_t *recording_blob(struct statement *statement, int column, size_t by
     return count == bytes ? blob : NULL;
 }
 
-enum status recording_damaged(const struct recording *r, const char *what)
+enum status recording_damaged(const struct recording *recording, const char *what)
 {
-    return fail(ERR_CORRUPT, "%s is damaged: %s; try reenact-capture repair", database_path(r->db), what);
+    return fail(ERR_CORRUPT, "%s is damaged: %s; try reenact-capture repair", database_path(recording->db), what);
 }
 
 // ------------------------------------------------------------- the file
@@ -144,31 +144,32 @@ static void forget_statements(struct recording *recording)
         statement_close(&recording->kept[i]);
 }
 
-enum status recording_keep_statements(struct recording *r)
+enum status recording_keep_statements(struct recording *recording)
 {
     int64_t schema = 0;
-    enum status status = r->read_schema ? OK : statement_open(&r->read_schema, r->db, "PRAGMA schema_version");
+    enum status status =
+        recording->read_schema ? OK : statement_open(&recording->read_schema, recording->db, "PRAGMA schema_version");
     if (status == OK)
-        status = statement_step(r->read_schema);
+        status = statement_step(recording->read_schema);
     if (status == OK)
-        schema = statement_number(r->read_schema, 0);
-    if (r->read_schema)
-        statement_reset(r->read_schema);
-    if (schema != r->schema)
-        forget_statements(r);
-    r->schema = schema;
+        schema = statement_number(recording->read_schema, 0);
+    if (recording->read_schema)
+        statement_reset(recording->read_schema);
+    if (schema != recording->schema)
+        forget_statements(recording);
+    recording->schema = schema;
     return status;
 }
 
-enum status recording_statement(struct recording *r, enum recording_table table, struct statement **out)
+enum status recording_statement(struct recording *recording, enum recording_table table, struct statement **out)
 {
-    *out = r->kept[table];
+    *out = recording->kept[table];
     if (*out)
         return OK;
     const enum status status =
-        select_open(&r->kept[table], r->db, table,
+        select_open(&recording->kept[table], recording->db, table,
                     table == TABLE_TAKE ? "WHERE rowid = ?" : "WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
-    *out = r->kept[table];
+    *out = recording->kept[table];
     return status;
 }
 
@@ -412,6 +413,12 @@ static enum status read_place(struct recording *recording, bool views, struct pl
     return status;
 }
 
-enum status recording_read_place(struct recording *r, struct place *out) { return read_place(r, true, out); }
+enum status recording_read_place(struct recording *recording, struct place *out)
+{
+    return read_place(recording, true, out);
+}
 
-enum status recording_read_map(struct recording *r, struct place *out) { return read_place(r, false, out); }
+enum status recording_read_map(struct recording *recording, struct place *out)
+{
+    return read_place(recording, false, out);
+}

@@ -624,17 +624,17 @@ static bool pose_is_identity(struct pose pose)
            pose.translation.x == 0 && pose.translation.y == 0 && pose.translation.z == 0;
 }
 
-enum status calibration_check(const struct calibration *c)
+enum status calibration_check(const struct calibration *calibration)
 {
     enum status status = OK;
-    if (c->color.width)
-        status = lens_check(&c->color, "color");
-    if (status == OK && c->depth.width)
-        status = lens_check(&c->depth, "depth");
-    if (status == OK && !pose_is_valid(c->color_from_depth))
+    if (calibration->color.width)
+        status = lens_check(&calibration->color, "color");
+    if (status == OK && calibration->depth.width)
+        status = lens_check(&calibration->depth, "depth");
+    if (status == OK && !pose_is_valid(calibration->color_from_depth))
         status =
             fail(ERR_INPUT, "the calibration's color_from_depth holds a number that is not finite or out of range");
-    if (status == OK && c->registered && !pose_is_identity(c->color_from_depth))
+    if (status == OK && calibration->registered && !pose_is_identity(calibration->color_from_depth))
         status = fail(ERR_INPUT, "the calibration says that depth is registered to colour, and that the depth camera "
                                  "stands elsewhere; one of the two is wrong");
     return status;

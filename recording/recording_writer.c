@@ -126,11 +126,11 @@ enum status recording_check_change(const char *path)
     return status;
 }
 
-enum status recording_close(struct recording_writer **w)
+enum status recording_close(struct recording_writer **writer)
 {
-    if (!*w)
+    if (!*writer)
         return OK;
-    return release_writer(w, (*w)->in_take && !(*w)->frames ? recording_end_take(*w) : OK);
+    return release_writer(writer, (*writer)->in_take && !(*writer)->frames ? recording_end_take(*writer) : OK);
 }
 
 // ------------------------------------------------------------- the place
@@ -245,26 +245,26 @@ static enum status put_views(struct database *db, struct depth_coder *coder, con
     return status;
 }
 
-enum status recording_put_place(struct recording_writer *w, const struct place *place)
+enum status recording_put_place(struct recording_writer *writer, const struct place *place)
 {
     enum status status = check_place(place);
     if (status != OK)
         return status;
-    status = async_writer_pause(w->async_writer);
+    status = async_writer_pause(writer->async_writer);
     if (status == OK)
-        status = database_begin(w->db);
+        status = database_begin(writer->db);
     if (status == OK)
-        status = database_run(w->db, "DELETE FROM place; DELETE FROM place_view;" OPTIONAL_TABLES
-                                     "DELETE FROM point_error; DELETE FROM tag_error; DELETE FROM point_side");
+        status = database_run(writer->db, "DELETE FROM place; DELETE FROM place_view;" OPTIONAL_TABLES
+                                          "DELETE FROM point_error; DELETE FROM tag_error; DELETE FROM point_side");
     if (status == OK)
-        status = put_place_row(w->db, place);
+        status = put_place_row(writer->db, place);
     if (status == OK)
-        status = put_optional(w->db, place);
+        status = put_optional(writer->db, place);
     if (status == OK)
-        status = put_views(w->db, w->coder, place);
+        status = put_views(writer->db, writer->coder, place);
     if (status == OK)
-        status = database_run(w->db, "COMMIT");
-    return async_writer_resume(w->async_writer, status);
+        status = database_run(writer->db, "COMMIT");
+    return async_writer_resume(writer->async_writer, status);
 }
 
 // ------------------------------------------------------------- takes
@@ -305,50 +305,52 @@ static enum status new_take_id(struct recording_writer *writer, const char *name
                : status;
 }
 
-enum status recording_begin_take(struct recording_writer *w, const char *name, const struct calibration *calibration)
+enum status recording_begin_take(struct recording_writer *writer, const char *name,
+                                 const struct calibration *calibration)
 {
-    assert(!w->in_take);
+    assert(!writer->in_take);
     enum status status = take_name_check(name);
     if (status == OK)
         status = calibration_check(calibration);
     if (status != OK)
         return status;
-    status = async_writer_pause(w->async_writer);
+    status = async_writer_pause(writer->async_writer);
     if (status == OK)
-        status = new_take_id(w, name);
+        status = new_take_id(writer, name);
     if (status == ERR_EXISTS) {
-        async_writer_resume(w->async_writer, OK); // the writer can go on
-        return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(w->db), name);
+        async_writer_resume(writer->async_writer, OK); // the writer can go on
+        return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(writer->db), name);
     }
-    status = async_writer_resume(w->async_writer, status);
+    status = async_writer_resume(writer->async_writer, status);
     if (status != OK)
         return status;
-    w->frames = 0;
-    w->take = (struct take_row){
-        .id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
-    snprintf(w->take.name, sizeof w->take.name, "%s", name);
-    status = async_writer_put_take(w->async_writer, &w->take);
+    writer->frames = 0;
+    writer->take = (struct take_row){
+        .id = writer->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
+    snprintf(writer->take.name, sizeof writer->take.name, "%s", name);
+    status = async_writer_put_take(writer->async_writer, &writer->take);
     if (status == OK)
-        status = async_writer_resume(w->async_writer,
-                                     async_writer_pause(w->async_writer)); // committed, so that readers see the take
-    w->in_take = status == OK;
+        status =
+            async_writer_resume(writer->async_writer,
+                                async_writer_pause(writer->async_writer)); // committed, so that readers see the take
+    writer->in_take = status == OK;
     return status;
 }
 
-enum status recording_put_body(struct recording_writer *w, const struct body *body)
+enum status recording_put_body(struct recording_writer *writer, const struct body *body)
 {
-    assert(w->in_take);
+    assert(writer->in_take);
     if (!body_is_valid(body))
         return fail(ERR_INPUT, "a body's radius is not finite or out of range");
-    w->take.body = *body;
-    return async_writer_put_take(w->async_writer, &w->take);
+    writer->take.body = *body;
+    return async_writer_put_take(writer->async_writer, &writer->take);
 }
 
-enum status recording_put_dropped(struct recording_writer *w, int64_t dropped)
+enum status recording_put_dropped(struct recording_writer *writer, int64_t dropped)
 {
-    assert(w->in_take && dropped >= 0);
-    w->take.dropped = dropped;
-    return async_writer_put_take(w->async_writer, &w->take);
+    assert(writer->in_take && dropped >= 0);
+    writer->take.dropped = dropped;
+    return async_writer_put_take(writer->async_writer, &writer->take);
 }
 
 // An empty take would only keep its name from being used.
@@ -370,16 +372,16 @@ static enum status remove_take(struct recording_writer *writer)
     return async_writer_resume(writer->async_writer, status);
 }
 
-enum status recording_end_take(struct recording_writer *w)
+enum status recording_end_take(struct recording_writer *writer)
 {
-    assert(w->in_take);
-    w->in_take = false;
-    if (!w->frames)
-        return remove_take(w);
-    w->take.complete = true;
-    w->take.frames = w->frames;
-    enum status status = async_writer_put_take(w->async_writer, &w->take);
-    return status == OK ? async_writer_resume(w->async_writer, async_writer_pause(w->async_writer)) : status;
+    assert(writer->in_take);
+    writer->in_take = false;
+    if (!writer->frames)
+        return remove_take(writer);
+    writer->take.complete = true;
+    writer->take.frames = writer->frames;
+    enum status status = async_writer_put_take(writer->async_writer, &writer->take);
+    return status == OK ? async_writer_resume(writer->async_writer, async_writer_pause(writer->async_writer)) : status;
 }
 
 struct recording_counters recording_writer_count(const struct recording_writer *writer)
@@ -461,25 +463,26 @@ static enum status replace_skeleton(const struct skeleton_statements *statements
     return status == OK ? replace_covariances(statements, key, skeleton) : status;
 }
 
-enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton, int64_t count)
+enum status recording_put_skeletons(struct recording_writer *writer, const struct skeleton *const *skeleton,
+                                    int64_t count)
 {
-    assert(!w->in_take && w->take.id && count <= w->frames);
+    assert(!writer->in_take && writer->take.id && count <= writer->frames);
     struct skeleton_statements statements = {0};
     for (int64_t i = 0; i < count; i++)
         if (skeleton[i] && !skeleton_is_valid(skeleton[i]))
             return fail(ERR_INPUT, "a skeleton holds a number that is not finite or out of range");
-    enum status status = async_writer_pause(w->async_writer);
+    enum status status = async_writer_pause(writer->async_writer);
     if (status == OK)
-        status = database_begin(w->db);
+        status = database_begin(writer->db);
     if (status == OK)
-        status = open_skeleton_statements(&statements, w->db);
+        status = open_skeleton_statements(&statements, writer->db);
     for (int64_t i = 0; status == OK && i < count; i++)
         if (skeleton[i])
-            status = replace_skeleton(&statements, frame_key(w->take.id, i), skeleton[i]);
+            status = replace_skeleton(&statements, frame_key(writer->take.id, i), skeleton[i]);
     close_skeleton_statements(&statements);
     if (status == OK)
-        status = database_run(w->db, "COMMIT");
-    return async_writer_resume(w->async_writer, status);
+        status = database_run(writer->db, "COMMIT");
+    return async_writer_resume(writer->async_writer, status);
 }
 
 // ------------------------------------------------------------- frames
@@ -510,15 +513,15 @@ static enum status check_frame(const struct recording_writer *writer, const stru
     return OK;
 }
 
-enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame)
+enum status recording_add_frame(struct recording_writer *writer, const struct take_frame *frame)
 {
-    assert(w->in_take);
-    enum status status = check_frame(w, frame);
+    assert(writer->in_take);
+    enum status status = check_frame(writer, frame);
     if (status != OK)
         return status;
-    const struct lens *lens = &w->take.calibration.depth;
+    const struct lens *lens = &writer->take.calibration.depth;
     struct frame_row row = {
-        .key = frame_key(w->take.id, w->frames),
+        .key = frame_key(writer->take.id, writer->frames),
         .time_ns = frame->time_ns,
         .located = frame->located,
         .world_from_camera = frame->world_from_camera,
@@ -527,14 +530,14 @@ enum status recording_add_frame(struct recording_writer *w, const struct take_fr
         .color_bytes = frame->jpeg ? frame->jpeg_bytes : 0,
     };
     if (frame->mask)
-        status = mask_encode(w->mask_coder, frame->mask, lens->width, lens->height, &row.mask, &row.mask_bytes);
+        status = mask_encode(writer->mask_coder, frame->mask, lens->width, lens->height, &row.mask, &row.mask_bytes);
     if (status == OK && frame->depth)
-        status = depth_encode(w->coder, frame->depth, lens->width, lens->height, &row.depth, &row.depth_bytes);
+        status = depth_encode(writer->coder, frame->depth, lens->width, lens->height, &row.depth, &row.depth_bytes);
     if (status == OK)
-        status = async_writer_add_frame(w->async_writer, &row);
+        status = async_writer_add_frame(writer->async_writer, &row);
     if (status == OK) {
-        w->last_time_ns = frame->time_ns;
-        w->frames++;
+        writer->last_time_ns = frame->time_ns;
+        writer->frames++;
     }
     return status;
 }

@@ -40,22 +40,25 @@ _Static_assert(sizeof(struct take_entry) <= 712, "recording.h states the memory 
 
 // Reading a take's row and the index of its frames.
 
-enum status take_from_row(struct statement *s, struct take_row *out, bool *usable)
+enum status take_from_row(struct statement *statement, struct take_row *out, bool *usable)
 {
-    const uint8_t *calibration = recording_blob(s, 2, CALIBRATION_BYTES), *body = recording_blob(s, 5, BODY_BYTES);
+    const uint8_t *calibration = recording_blob(statement, 2, CALIBRATION_BYTES),
+                  *body = recording_blob(statement, 5, BODY_BYTES);
     *out = (struct take_row){
-        .id = statement_number(s, 0),
-        .complete = statement_number(s, 3) == 1,
-        .dropped = frame_count_of(statement_number(s, 4)),
+        .id = statement_number(statement, 0),
+        .complete = statement_number(statement, 3) == 1,
+        .dropped = frame_count_of(statement_number(statement, 4)),
         .body.representative_frame = -1,
-        .frames = statement_is_null(s, TAKE_FRAMES) ? -1 : frame_count_of(statement_number(s, TAKE_FRAMES)),
-        .lost = frame_count_of(statement_number(s, TAKE_LOST)),
+        .frames =
+            statement_is_null(statement, TAKE_FRAMES) ? -1 : frame_count_of(statement_number(statement, TAKE_FRAMES)),
+        .lost = frame_count_of(statement_number(statement, TAKE_LOST)),
     };
-    bool whole = snprintf(out->name, sizeof out->name, "%s", statement_text(s, 1)) < (int)sizeof out->name;
-    whole &= snprintf(out->note, sizeof out->note, "%s", statement_text(s, TAKE_NOTE)) < (int)sizeof out->note;
-    whole &= snprintf(out->alias, sizeof out->alias, "%s", statement_text(s, TAKE_ALIAS)) < (int)sizeof out->alias;
+    bool whole = snprintf(out->name, sizeof out->name, "%s", statement_text(statement, 1)) < (int)sizeof out->name;
+    whole &= snprintf(out->note, sizeof out->note, "%s", statement_text(statement, TAKE_NOTE)) < (int)sizeof out->note;
+    whole &=
+        snprintf(out->alias, sizeof out->alias, "%s", statement_text(statement, TAKE_ALIAS)) < (int)sizeof out->alias;
     *usable = false;
-    enum status status = statement_check(s);
+    enum status status = statement_check(statement);
     if (status != OK)
         return status;
     if (calibration) {
@@ -71,10 +74,10 @@ enum status take_from_row(struct statement *s, struct take_row *out, bool *usabl
     }
     if (calibration && calibration[CALIBRATION_REGISTERED] > 1)
         out->out_of_range = true;
-    const int64_t crc = statement_number(s, 6);
+    const int64_t crc = statement_number(statement, 6);
     if (*usable && body && whole && take_id_is_valid(out->id) &&
         take_crc(out->name, calibration, out->complete, out->dropped, body) == crc &&
-        seal_matches(s, TAKE_SEAL, take_seal(out, (uint32_t)crc)))
+        seal_matches(statement, TAKE_SEAL, take_seal(out, (uint32_t)crc)))
         return OK;
     return fail(ERR_CORRUPT, "a take cannot be read");
 }
@@ -111,22 +114,23 @@ static enum status read_take_row(struct take_index *index, struct recording *rec
     return status;
 }
 
-enum status frame_from_row(struct statement *s, struct take_entry *out)
+enum status frame_from_row(struct statement *statement, struct take_entry *out)
 {
-    return frame_from_row_as(s, statement_number(s, 0), out);
+    return frame_from_row_as(statement, statement_number(statement, 0), out);
 }
 
-enum status frame_from_row_as(struct statement *s, int64_t key, struct take_entry *out)
+enum status frame_from_row_as(struct statement *statement, int64_t key, struct take_entry *out)
 {
     size_t skeleton_bytes;
-    const uint8_t *pose = recording_blob(s, 3, POSE_BYTES), *skeleton = statement_blob(s, 4, &skeleton_bytes);
-    int64_t time_ns = statement_number(s, 1), images = statement_number(s, 5);
-    bool located = statement_number(s, 2) == 1;
-    const int64_t crc = statement_number(s, 6);
+    const uint8_t *pose = recording_blob(statement, 3, POSE_BYTES),
+                  *skeleton = statement_blob(statement, 4, &skeleton_bytes);
+    int64_t time_ns = statement_number(statement, 1), images = statement_number(statement, 5);
+    bool located = statement_number(statement, 2) == 1;
+    const int64_t crc = statement_number(statement, 6);
     if (!pose || (skeleton_bytes && skeleton_bytes != SKELETON_BYTES) || images < 0 || images > 7 ||
         time_ns < -TAKE_TIME_MAX_NS || time_ns > TAKE_TIME_MAX_NS ||
         frame_crc(time_ns, located, pose, skeleton, skeleton_bytes, (unsigned)images) != crc ||
-        !seal_matches(s, FRAME_SEAL, row_seal(key, (uint32_t)crc)))
+        !seal_matches(statement, FRAME_SEAL, row_seal(key, (uint32_t)crc)))
         return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(key & FRAME_NUMBER_MAX));
     *out = (struct take_entry){
         .time_ns = time_ns,
@@ -146,12 +150,12 @@ enum status frame_from_row_as(struct statement *s, int64_t key, struct take_entr
     return OK;
 }
 
-enum status joint_error_from_row(struct statement *s, struct skeleton *out)
+enum status joint_error_from_row(struct statement *statement, struct skeleton *out)
 {
-    const uint8_t *covariances = recording_blob(s, 1, JOINT_ERROR_BYTES);
-    const int64_t crc = statement_number(s, 2);
+    const uint8_t *covariances = recording_blob(statement, 1, JOINT_ERROR_BYTES);
+    const int64_t crc = statement_number(statement, 2);
     bool good = covariances && crc32_of(0, covariances, JOINT_ERROR_BYTES) == crc &&
-                seal_matches(s, JOINT_ERROR_SEAL, row_seal(statement_number(s, 0), (uint32_t)crc));
+                seal_matches(statement, JOINT_ERROR_SEAL, row_seal(statement_number(statement, 0), (uint32_t)crc));
     if (good)
         get_joint_error(covariances, out);
     for (int j = 0; j < JOINT_COUNT && good; j++)
@@ -160,7 +164,7 @@ enum status joint_error_from_row(struct statement *s, struct skeleton *out)
         return OK;
     memset(out->covariance, 0, sizeof out->covariance);
     return fail(ERR_CORRUPT, "the joints' covariances of frame %lld are damaged",
-                (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
+                (long long)(statement_number(statement, 0) & FRAME_NUMBER_MAX));
 }
 
 // Resizes the entries. False: out of memory, and they are as before.
@@ -343,9 +347,9 @@ static void take_index_release(struct take_index *index)
 
 enum { ASKED_MAX = 300 };
 
-enum status take_read_sizes(struct take *t, struct take_sizes *out)
+enum status take_read_sizes(struct take *take, struct take_sizes *out)
 {
-    const int64_t frames = take_frame_count(t), asked = frames < ASKED_MAX ? frames : ASKED_MAX;
+    const int64_t frames = take_frame_count(take), asked = frames < ASKED_MAX ? frames : ASKED_MAX;
     double sums[3] = {0};
     struct statement *s;
     *out = (struct take_sizes){.exact = asked == frames};
@@ -353,11 +357,11 @@ enum status take_read_sizes(struct take *t, struct take_sizes *out)
         return OK;
     // SQLite knows a blob's length without reading it.
     enum status status =
-        statement_open(&s, recording_database(take_recording(t)),
+        statement_open(&s, recording_database(take_recording(take)),
                        "SELECT length(color), length(depth), length(mask) FROM picture WHERE rowid = ?");
     for (int64_t i = 0; i < asked && status == OK; i++) {
-        const struct take_entry *e = take_entry(t, i * frames / asked);
-        statement_bind_number(s, 1, frame_key(take_id(t), e->row_number));
+        const struct take_entry *e = take_entry(take, i * frames / asked);
+        statement_bind_number(s, 1, frame_key(take_id(take), e->row_number));
         status = statement_step(s);
         for (int k = 0; k < 3 && status == OK; k++)
             sums[k] += (double)statement_number(s, k);
@@ -373,7 +377,7 @@ enum status take_read_sizes(struct take *t, struct take_sizes *out)
     out->depth = (int64_t)(sums[1] * scale);
     out->mask = (int64_t)(sums[2] * scale);
     for (int64_t i = 0; i < frames; i++)
-        out->joints += POSE_BYTES + (take_entry(t, i)->has_skeleton ? SKELETON_BYTES + JOINT_ERROR_BYTES : 0);
+        out->joints += POSE_BYTES + (take_entry(take, i)->has_skeleton ? SKELETON_BYTES + JOINT_ERROR_BYTES : 0);
     return OK;
 }
 
@@ -431,25 +435,25 @@ static enum status need_decoders(struct take *take)
     return status == OK && !take->coder ? depth_coder_open(&take->coder) : status;
 }
 
-enum status take_open(struct take **out, struct recording *r, const char *name)
+enum status take_open(struct take **out, struct recording *recording, const char *name)
 {
     *out = NULL;
-    const int i = recording_find_take(r, name);
+    const int i = recording_find_take(recording, name);
     if (i < 0)
-        return no_such_take(r, name);
+        return no_such_take(recording, name);
     struct take_index *index = calloc(1, sizeof *index);
     if (index) {
         atomic_init(&index->handles, 1);
         atomic_init(&index->decoded, 0);
-        index->id = recording_take_id(r, i);
+        index->id = recording_take_id(recording, i);
     }
     if (index && !take_id_is_valid(index->id)) {
         free(index);
-        return recording_damaged(r, "a take cannot be read");
+        return recording_damaged(recording, "a take cannot be read");
     }
-    enum status status = open_handle(out, r, index);
+    enum status status = open_handle(out, recording, index);
     if (status == OK)
-        status = take_index_read(index, r);
+        status = take_index_read(index, recording);
     if (status != OK)
         take_close(out);
     return status;
@@ -464,9 +468,9 @@ static bool lacks_color(const struct take_index *index)
     return lacks;
 }
 
-enum status take_open_drawn(struct take **out, struct recording *r, const char *name)
+enum status take_open_drawn(struct take **out, struct recording *recording, const char *name)
 {
-    enum status status = take_open(out, r, name);
+    enum status status = take_open(out, recording, name);
     struct take_index *index = status == OK ? (*out)->index : NULL; // no other handle shares it yet
     if (index && lacks_color(index))
         index->calibration.color = (struct lens){0};
@@ -478,10 +482,10 @@ enum status take_open_drawn(struct take **out, struct recording *r, const char *
     return OK;
 }
 
-enum status take_open_shared(struct take **out, struct recording *r, const struct take *same)
+enum status take_open_shared(struct take **out, struct recording *recording, const struct take *same)
 {
     atomic_fetch_add(&same->index->handles, 1);
-    return open_handle(out, r, same->index);
+    return open_handle(out, recording, same->index);
 }
 
 void take_close(struct take **take)
@@ -676,40 +680,40 @@ static enum status name_frame(const struct take *take, int64_t index, enum statu
                                  : status;
 }
 
-enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out)
+enum status take_read(struct take *take, int64_t index, unsigned want, struct take_images *out)
 {
-    const struct take_entry *entry = take_entry(t, index);
+    const struct take_entry *entry = take_entry(take, index);
     *out = (struct take_images){0};
     want &= (entry->has_color ? TAKE_COLOR : 0u) | (entry->has_depth ? TAKE_DEPTH : 0u) |
             (entry->has_mask ? TAKE_MASK : 0u);
     if (!want)
         return OK;
-    atomic_fetch_add(&t->index->decoded, 1);
-    enum status status = need_decoders(t);
+    atomic_fetch_add(&take->index->decoded, 1);
+    enum status status = need_decoders(take);
     if (status != OK)
         return status;
-    statement_reset(t->read_images); // take_read_jpeg leaves it open
-    status = find_images(t, entry);
+    statement_reset(take->read_images); // take_read_jpeg leaves it open
+    status = find_images(take, entry);
     if (status == OK)
-        status = decode_wanted(t, entry->has_mask, want, out);
-    status = name_frame(t, index, status);
-    statement_reset(t->read_images);
+        status = decode_wanted(take, entry->has_mask, want, out);
+    status = name_frame(take, index, status);
+    statement_reset(take->read_images);
     return status;
 }
 
-enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes, size_t *count)
+enum status take_read_jpeg(struct take *take, int64_t index, const uint8_t **bytes, size_t *count)
 {
-    const struct take_entry *entry = take_entry(t, index);
+    const struct take_entry *entry = take_entry(take, index);
     *bytes = NULL;
     *count = 0;
-    if (!entry->has_color || t->index->drawn_from_depth)
+    if (!entry->has_color || take->index->drawn_from_depth)
         return NOTHING;
-    enum status status = need_decoders(t);
+    enum status status = need_decoders(take);
     if (status != OK)
         return status;
-    statement_reset(t->read_images);
-    status = find_images(t, entry);
-    if (status == OK && !(*bytes = checked_blob(t->read_images, 6, 3, count)))
+    statement_reset(take->read_images);
+    status = find_images(take, entry);
+    if (status == OK && !(*bytes = checked_blob(take->read_images, 6, 3, count)))
         status = ERR_CORRUPT;
-    return name_frame(t, index, status); // the statement is reset when it is used next
+    return name_frame(take, index, status); // the statement is reset when it is used next
 }
