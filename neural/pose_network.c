@@ -298,18 +298,18 @@ static void find_points(struct pose_network *network, const struct image *image,
     }
 }
 
-enum status pose_network_find(struct pose_network *n, const uint8_t *rgb, int width, int height,
+enum status pose_network_find(struct pose_network *network, const uint8_t *rgb, int width, int height,
                               struct pose_points *out)
 {
     const struct image image = {rgb, width, height};
     struct pose_point point[POINTS];
-    for (bool again = n->following;; again = false) {
-        if (!n->following && !detect_person(n, &image, &n->square))
+    for (bool again = network->following;; again = false) {
+        if (!network->following && !detect_person(network, &image, &network->square))
             return NOTHING;
         double score;
-        find_points(n, &image, point, &score);
-        n->following = score >= FOUND;
-        if (n->following) {
+        find_points(network, &image, point, &score);
+        network->following = score >= FOUND;
+        if (network->following) {
             out->score = score;
             break;
         }
@@ -317,8 +317,8 @@ enum status pose_network_find(struct pose_network *n, const uint8_t *rgb, int wi
             return NOTHING; // else the detector has its say: the person may have gone elsewhere
     }
     memcpy(out->point, point, sizeof out->point);
-    n->square =
+    network->square =
         square_about(point[CENTER_POINT].x_px, point[CENTER_POINT].y_px, point[TOP_POINT].x_px, point[TOP_POINT].y_px);
-    n->following = n->square.side > 1;
+    network->following = network->square.side > 1;
     return OK;
 }

@@ -70,7 +70,7 @@ MUST_CHECK enum status pose_network_open(struct pose_network **out, const char *
 void pose_network_close(struct pose_network **network); // NULL is fine; sets *network = NULL
 
 // The points of the person in the next image; rgb: width x height, 3 bytes a pixel. NOTHING: no person was found.
-MUST_CHECK enum status pose_network_find(struct pose_network *n, const uint8_t *rgb, int width, int height,
+MUST_CHECK enum status pose_network_find(struct pose_network *network, const uint8_t *rgb, int width, int height,
                                          struct pose_points *out);
 
 // The next image has nothing to do with the last: the detector looks at all of it.
