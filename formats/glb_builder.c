@@ -105,13 +105,13 @@ static uint8_t *put_chunk(uint8_t *at, const char type[4], const void *bytes, si
     return at + 4 + padded;
 }
 
-enum status glb_print(const struct glb *g, uint8_t **bytes, size_t *count)
+enum status glb_print(const struct glb *glb, uint8_t **bytes, size_t *count)
 {
     enum { HEADER = 12, CHUNK = 8 + ALIGN };
-    struct json *buffer = json_add_object(json_add_array(g->root, "buffers"), NULL);
-    json_add_number(buffer, "byteLength", (double)g->count);
-    char *text = g->failed ? NULL : json_print(g->root);
-    uint8_t *file = text ? malloc(HEADER + 2 * CHUNK + strlen(text) + g->count) : NULL;
+    struct json *buffer = json_add_object(json_add_array(glb->root, "buffers"), NULL);
+    json_add_number(buffer, "byteLength", (double)glb->count);
+    char *text = glb->failed ? NULL : json_print(glb->root);
+    uint8_t *file = text ? malloc(HEADER + 2 * CHUNK + strlen(text) + glb->count) : NULL;
     if (!file) {
         free(text);
         return fail(ERR_MEMORY, "no memory for a glTF file");
@@ -119,7 +119,7 @@ enum status glb_print(const struct glb *g, uint8_t **bytes, size_t *count)
     memcpy(file, "glTF", 4);
     put_u32(file + 4, 2);
     uint8_t *at = put_chunk(file + HEADER, "JSON", text, strlen(text), ' ');
-    at = put_chunk(at, "BIN\0", g->bytes, g->count, 0);
+    at = put_chunk(at, "BIN\0", glb->bytes, glb->count, 0);
     put_u32(file + 8, (size_t)(at - file));
     free(text);
     *bytes = file;

@@ -35,4 +35,4 @@ int glb_add_view(struct glb *glb, const void *bytes, size_t count, enum glb_targ
 int glb_add_accessor(struct glb *glb, const void *numbers, const struct glb_layout *layout);
 
 // The whole file; the caller frees *bytes. ERR_MEMORY.
-MUST_CHECK enum status glb_print(const struct glb *g, uint8_t **bytes, size_t *count);
+MUST_CHECK enum status glb_print(const struct glb *glb, uint8_t **bytes, size_t *count);

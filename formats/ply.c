@@ -32,25 +32,26 @@ static bool grow_items(void **items, int32_t count, int32_t *capacity, size_t si
 
 static enum status no_memory(void) { return fail(ERR_MEMORY, "no memory for so many points"); }
 
-enum status ply_add_point(struct ply *p, struct vec3 at, const uint8_t rgb[3])
+enum status ply_add_point(struct ply *ply, struct vec3 at, const uint8_t rgb[3])
 {
-    void *points = p->points;
-    const bool fits = grow_items(&points, p->point_count, &p->point_capacity, sizeof *p->points);
-    p->points = points;
+    void *points = ply->points;
+    const bool fits = grow_items(&points, ply->point_count, &ply->point_capacity, sizeof *ply->points);
+    ply->points = points;
     if (!fits)
         return no_memory();
-    p->points[p->point_count++] = (struct ply_point){{(float)at.x, (float)at.y, (float)at.z}, {rgb[0], rgb[1], rgb[2]}};
+    ply->points[ply->point_count++] =
+        (struct ply_point){{(float)at.x, (float)at.y, (float)at.z}, {rgb[0], rgb[1], rgb[2]}};
     return OK;
 }
 
-enum status ply_add_triangle(struct ply *p, int32_t a, int32_t b, int32_t c)
+enum status ply_add_triangle(struct ply *ply, int32_t a, int32_t b, int32_t c)
 {
-    void *triangles = p->triangles;
-    const bool fits = grow_items(&triangles, p->triangle_count, &p->triangle_capacity, sizeof *p->triangles);
-    p->triangles = triangles;
+    void *triangles = ply->triangles;
+    const bool fits = grow_items(&triangles, ply->triangle_count, &ply->triangle_capacity, sizeof *ply->triangles);
+    ply->triangles = triangles;
     if (!fits)
         return no_memory();
-    memcpy(p->triangles[p->triangle_count++], (const int32_t[3]){a, b, c}, 3 * sizeof(int32_t));
+    memcpy(ply->triangles[ply->triangle_count++], (const int32_t[3]){a, b, c}, 3 * sizeof(int32_t));
     return OK;
 }
 

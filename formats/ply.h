@@ -18,8 +18,8 @@ struct ply {
 void ply_free(struct ply *ply);
 
 // ERR_MEMORY, also beyond 2^31 - 1 of either.
-MUST_CHECK enum status ply_add_point(struct ply *p, struct vec3 at, const uint8_t rgb[3]);
-MUST_CHECK enum status ply_add_triangle(struct ply *p, int32_t a, int32_t b, int32_t c);
+MUST_CHECK enum status ply_add_point(struct ply *ply, struct vec3 at, const uint8_t rgb[3]);
+MUST_CHECK enum status ply_add_triangle(struct ply *ply, int32_t a, int32_t b, int32_t c);
 
 // comment: one line, for example the axes. What could not be written is found by ferror(out).
 void ply_print(const struct ply *ply, const char *comment, FILE *out);
