@@ -144,47 +144,47 @@ static enum status finish_frame(struct camera_tracker *tracker, const struct loc
     return tracker->count == 2 ? AMBIGUOUS : OK;
 }
 
-enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
-                                 struct location *out, struct camera_motion *motion)
+enum status camera_tracker_track(struct camera_tracker *tracker, const uint8_t *color, const uint16_t *depth,
+                                 int64_t time_ns, struct location *out, struct camera_motion *motion)
 {
     struct location found;
-    if (t->started && time_ns <= t->time_ns)
+    if (tracker->started && time_ns <= tracker->time_ns)
         return fail(ERR_ORDER, "an image's time must be later than that of the one before");
-    double seconds = t->started ? (double)(time_ns - t->time_ns) * 1e-9 : 0;
-    t->started = true;
-    t->time_ns = time_ns;
-    t->since_seen_s += seconds;
-    if (t->since_seen_s > LOST_S)
-        t->count = 0;
-    for (int i = 0; i < t->count; i++)
-        pose_kalman_predict(&t->filters[i], seconds);
-    const bool rolling = locator_lens(t->locator)->readout_s > 0; // given, or detected since
-    t->without_prior =
-        t->count != 1 || (rolling && t->tracked == VELOCITY_FRAMES) || predicted_sigma_px(t) > MAX_PREDICTED_SIGMA_PX;
-    if (t->without_prior)
+    double seconds = tracker->started ? (double)(time_ns - tracker->time_ns) * 1e-9 : 0;
+    tracker->started = true;
+    tracker->time_ns = time_ns;
+    tracker->since_seen_s += seconds;
+    if (tracker->since_seen_s > LOST_S)
+        tracker->count = 0;
+    for (int i = 0; i < tracker->count; i++)
+        pose_kalman_predict(&tracker->filters[i], seconds);
+    const bool rolling = locator_lens(tracker->locator)->readout_s > 0; // given, or detected since
+    tracker->without_prior = tracker->count != 1 || (rolling && tracker->tracked == VELOCITY_FRAMES) ||
+                             predicted_sigma_px(tracker) > MAX_PREDICTED_SIGMA_PX;
+    if (tracker->without_prior)
         return NOTHING;
-    set_motion_prior(t);
-    enum status status = locator_track(t->locator, color, depth, t->filters[0].world_from_camera, &found);
-    return status == OK ? finish_frame(t, &found, false, out, motion) : status;
+    set_motion_prior(tracker);
+    enum status status = locator_track(tracker->locator, color, depth, tracker->filters[0].world_from_camera, &found);
+    return status == OK ? finish_frame(tracker, &found, false, out, motion) : status;
 }
 
-enum status camera_tracker_localize(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+enum status camera_tracker_localize(struct camera_tracker *tracker, const uint8_t *color, const uint16_t *depth,
                                     struct location *out, struct camera_motion *motion)
 {
     struct location found;
-    assert(t->started);
-    if (t->count == 1)
-        set_motion_prior(t);
-    enum status status = t->without_prior ? locator_localize(t->locator, color, depth, &found)
-                                          : locator_relocalize(t->locator, color, depth, &found);
-    return status < 0 || status == NOTHING ? status : finish_frame(t, &found, status == AMBIGUOUS, out, motion);
+    assert(tracker->started);
+    if (tracker->count == 1)
+        set_motion_prior(tracker);
+    enum status status = tracker->without_prior ? locator_localize(tracker->locator, color, depth, &found)
+                                                : locator_relocalize(tracker->locator, color, depth, &found);
+    return status < 0 || status == NOTHING ? status : finish_frame(tracker, &found, status == AMBIGUOUS, out, motion);
 }
 
-enum status camera_tracker_process(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+enum status camera_tracker_process(struct camera_tracker *tracker, const uint8_t *color, const uint16_t *depth,
                                    int64_t time_ns, struct location *out, struct camera_motion *motion)
 {
-    enum status status = camera_tracker_track(t, color, depth, time_ns, out, motion);
-    return status == NOTHING ? camera_tracker_localize(t, color, depth, out, motion) : status;
+    enum status status = camera_tracker_track(tracker, color, depth, time_ns, out, motion);
+    return status == NOTHING ? camera_tracker_localize(tracker, color, depth, out, motion) : status;
 }
 
 void camera_tracker_reset(struct camera_tracker *tracker)

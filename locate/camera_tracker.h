@@ -33,17 +33,19 @@ void camera_tracker_close(struct camera_tracker **tracker); // NULL is fine; set
 // NOTHING    the camera is lost; *out and *motion untouched. The next image is localised from scratch
 // ERR_ORDER  time_ns is not later; nothing changed
 // Other errors as locator_localize; the next image may be tried.
-MUST_CHECK enum status camera_tracker_process(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
-                                              int64_t time_ns, struct location *out, struct camera_motion *motion);
+MUST_CHECK enum status camera_tracker_process(struct camera_tracker *tracker, const uint8_t *color,
+                                              const uint16_t *depth, int64_t time_ns, struct location *out,
+                                              struct camera_motion *motion);
 
 // The two halves of camera_tracker_process, for a caller that cannot wait for localisation from scratch.
 // camera_tracker_track: as camera_tracker_process, but NOTHING where the image has to be localised from scratch.
 // camera_tracker_localize does that, with the very image for which camera_tracker_track returned NOTHING; it takes some
 // fifteen times as long.
-MUST_CHECK enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+MUST_CHECK enum status camera_tracker_track(struct camera_tracker *tracker, const uint8_t *color, const uint16_t *depth,
                                             int64_t time_ns, struct location *out, struct camera_motion *motion);
-MUST_CHECK enum status camera_tracker_localize(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
-                                               struct location *out, struct camera_motion *motion);
+MUST_CHECK enum status camera_tracker_localize(struct camera_tracker *tracker, const uint8_t *color,
+                                               const uint16_t *depth, struct location *out,
+                                               struct camera_motion *motion);
 
 // The camera's clock has been restarted: pose, motion and time are forgotten, what was estimated of the place's
 // landmarks, tags and the lens is kept.

@@ -45,15 +45,15 @@ static const float MIN_CORRELATION = 0.85f; // at full resolution
 // Farther than this from the start it is something else.
 static const double MAX_FAR_PX = 16, MAX_CLOSE_PX = 3;
 
-enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height)
+enum status klt_pyramid_open(struct klt_pyramid *pyramid, int width, int height)
 {
-    *p = (struct klt_pyramid){{0}, {0}, {NULL}};
+    *pyramid = (struct klt_pyramid){{0}, {0}, {NULL}};
     for (int l = 0; l < KLT_LEVELS; l++) {
-        p->width[l] = width >> l;
-        p->height[l] = height >> l;
-        p->level[l] = malloc((size_t)(p->width[l] + 1) * (size_t)(p->height[l] + 1));
-        if (!p->level[l]) {
-            klt_pyramid_close(p);
+        pyramid->width[l] = width >> l;
+        pyramid->height[l] = height >> l;
+        pyramid->level[l] = malloc((size_t)(pyramid->width[l] + 1) * (size_t)(pyramid->height[l] + 1));
+        if (!pyramid->level[l]) {
+            klt_pyramid_close(pyramid);
             return fail(ERR_MEMORY, "no memory to track a camera");
         }
     }

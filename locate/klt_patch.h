@@ -14,8 +14,9 @@ struct klt_pyramid {
     uint8_t *level[KLT_LEVELS]; // malloc'ed
 };
 
-MUST_CHECK enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height); // ERR_MEMORY: *p is zeroed
-void klt_pyramid_close(struct klt_pyramid *pyramid);                                   // zeroed is fine
+MUST_CHECK enum status klt_pyramid_open(struct klt_pyramid *pyramid, int width,
+                                        int height); // ERR_MEMORY: *pyramid is zeroed
+void klt_pyramid_close(struct klt_pyramid *pyramid); // zeroed is fine
 void klt_pyramid_build(struct klt_pyramid *pyramid, const uint8_t *gray);
 
 // One level of a patch: brightness less its mean, its gradient, and the inverse of the 2 x 2 gradient matrix (xx, xy,

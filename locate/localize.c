@@ -181,16 +181,17 @@ static enum status search_region(struct locator *locator, int region, const uint
 }
 
 // Searches a small part of the image, where most is to be gained, for new landmarks.
-static enum status activate_landmarks(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
+static enum status activate_landmarks(struct locator *locator, const uint16_t *depth,
+                                      const struct pose *camera_from_world)
 {
     struct search_gain e;
-    int missing = l->options.points - l->track_count,
+    int missing = locator->options.points - locator->track_count,
         searches = (missing + MISSING_PER_REGION - 1) / MISSING_PER_REGION;
     searches = searches < MAX_SEARCHES ? searches : MAX_SEARCHES;
-    if (searches <= 0 || !l->point_count)
+    if (searches <= 0 || !locator->point_count)
         return OK;
-    sort_into_regions(l, camera_from_world, &e);
-    update_gain(l, &e);
+    sort_into_regions(locator, camera_from_world, &e);
+    update_gain(locator, &e);
     while (searches-- > 0) {
         int best = 0;
         for (int i = 1; i < LOCATOR_REGIONS; i++)
@@ -198,11 +199,11 @@ static enum status activate_landmarks(struct locator *l, const uint16_t *depth, 
                 best = i;
         if (e.gain[best] < MIN_GAIN)
             break;
-        enum status status = search_region(l, best, depth, camera_from_world);
+        enum status status = search_region(locator, best, depth, camera_from_world);
         if (status != OK)
             return status;
         e.gain[best] = 0;
-        l->frames_unsearched[best] = 0;
+        locator->frames_unsearched[best] = 0;
     }
     return OK;
 }
@@ -635,43 +636,43 @@ static void account_for_focal_length(struct locator *locator, struct pnp_tag *ta
 }
 
 // The pose from the tracks, found so. As locator_track.
-static enum status solve_tracks(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose pose,
+static enum status solve_tracks(struct locator *locator, const uint8_t *color, const uint16_t *depth, struct pose pose,
                                 struct location *out)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
     struct known_tags known;
     struct pose_measurement seen;
     double covariance[36];
-    int agree = solve_tracks_alone(l, color, depth, tags, &known, &pose);
+    int agree = solve_tracks_alone(locator, color, depth, tags, &known, &pose);
     if (!agree)
         return NOTHING;
-    struct pnp_solution found = {.used = locator_select_inlier_tags(l, tags, l->motion, &pose)};
-    if (!tracking_covariance(l, &known, new_track_share(l, agree), &pose, &seen))
+    struct pnp_solution found = {.used = locator_select_inlier_tags(locator, tags, locator->motion, &pose)};
+    if (!tracking_covariance(locator, &known, new_track_share(locator, agree), &pose, &seen))
         return NOTHING;
-    if (l->motion) // before the map's biased points take part
-        update_velocity_prior(l, &known, &pose);
-    if (!fuse_with_map(l, depth, tags, &pose, &seen, &found.camera_from_world))
+    if (locator->motion) // before the map's biased points take part
+        update_velocity_prior(locator, &known, &pose);
+    if (!fuse_with_map(locator, depth, tags, &pose, &seen, &found.camera_from_world))
         return NOTHING;
     found.other = found.camera_from_world;
-    found.rms_px = locator_rms(l, tags, &found.camera_from_world);
-    pose_fusion_covariance(&l->fusion, covariance);
-    if (l->given_lens.focal_sigma > 0)
-        account_for_focal_length(l, tags, &found.camera_from_world, covariance);
-    if (!locator_fill_result(l, &found, agree, covariance, seen.noise, out))
+    found.rms_px = locator_rms(locator, tags, &found.camera_from_world);
+    pose_fusion_covariance(&locator->fusion, covariance);
+    if (locator->given_lens.focal_sigma > 0)
+        account_for_focal_length(locator, tags, &found.camera_from_world, covariance);
+    if (!locator_fill_result(locator, &found, agree, covariance, seen.noise, out))
         return NOTHING;
-    update_track_biases(l, &pose, &found.camera_from_world);
-    update_tag_biases(l, tags, &pose, &found.camera_from_world);
-    return prepare_next_frame(l, tags, depth, &found.camera_from_world);
+    update_track_biases(locator, &pose, &found.camera_from_world);
+    update_tag_biases(locator, tags, &pose, &found.camera_from_world);
+    return prepare_next_frame(locator, tags, depth, &found.camera_from_world);
 }
 
-enum status locator_track(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose guess,
+enum status locator_track(struct locator *locator, const uint8_t *color, const uint16_t *depth, struct pose guess,
                           struct location *out)
 {
     struct pose pose = pose_inverse(guess);
-    if (!l->track_count || !pose_finite(guess))
+    if (!locator->track_count || !pose_finite(guess))
         return NOTHING;
-    locator_begin_frame(l, color);
-    return track_patches(l, &pose) ? solve_tracks(l, color, depth, pose, out) : NOTHING;
+    locator_begin_frame(locator, color);
+    return track_patches(locator, &pose) ? solve_tracks(locator, color, depth, pose, out) : NOTHING;
 }
 
 // ---------------------------------------------------------------- localisation from scratch
@@ -1035,12 +1036,13 @@ static enum status localize_camera(struct locator *locator, const uint8_t *color
     return status;
 }
 
-enum status locator_localize(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
+enum status locator_localize(struct locator *locator, const uint8_t *color, const uint16_t *depth, struct location *out)
 {
-    return localize_camera(l, color, depth, false, out);
+    return localize_camera(locator, color, depth, false, out);
 }
 
-enum status locator_relocalize(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
+enum status locator_relocalize(struct locator *locator, const uint8_t *color, const uint16_t *depth,
+                               struct location *out)
 {
-    return localize_camera(l, color, depth, true, out);
+    return localize_camera(locator, color, depth, true, out);
 }

@@ -147,18 +147,18 @@ static enum status index_features(struct locator *locator, enum status status, i
     return OK;
 }
 
-enum status locator_extract_features(struct locator *l, const uint16_t *depth)
+enum status locator_extract_features(struct locator *locator, const uint16_t *depth)
 {
     int count;
-    enum status status =
-        features_detect(l->gray, l->lens.width, l->lens.height, l->features, l->options.features, &count);
-    return index_features(l, status, count, depth);
+    enum status status = features_detect(locator->gray, locator->lens.width, locator->lens.height, locator->features,
+                                         locator->options.features, &count);
+    return index_features(locator, status, count, depth);
 }
 
-enum status locator_extract_region_features(struct locator *l, int region, const uint16_t *depth)
+enum status locator_extract_region_features(struct locator *locator, int region, const uint16_t *depth)
 {
     enum { BEYOND_PX = 24 }; // more than the margin without features at the edges of a region
-    int width = l->lens.width, height = l->lens.height, count;
+    int width = locator->lens.width, height = locator->lens.height, count;
     int column = region % LOCATOR_REGIONS_X, row = region / LOCATOR_REGIONS_X;
     int left = column * width / LOCATOR_REGIONS_X - BEYOND_PX,
         right = (column + 1) * width / LOCATOR_REGIONS_X + BEYOND_PX;
@@ -166,9 +166,9 @@ enum status locator_extract_region_features(struct locator *l, int region, const
     left = left > 0 ? left : 0, right = right < width ? right : width;
     top = top > 0 ? top : 0, bottom = bottom < height ? bottom : height;
     const struct image_region area = {left, top, right - left, bottom - top};
-    enum status status =
-        features_detect_region(l->gray, width, &area, l->features, 2 * FEATURES_MAX / LOCATOR_REGIONS, &count);
-    return index_features(l, status, count, depth);
+    enum status status = features_detect_region(locator->gray, width, &area, locator->features,
+                                                2 * FEATURES_MAX / LOCATOR_REGIONS, &count);
+    return index_features(locator, status, count, depth);
 }
 
 bool locator_fill_result(const struct locator *locator, const struct pnp_solution *found, int point_count,

@@ -62,18 +62,18 @@ void locator_set_motion_prior(struct locator *locator, const double velocity[6],
 // NOTHING    nothing known in view, nothing that fits, or too uncertain (max_position_sigma_m); *out untouched
 // AMBIGUOUS  a mirrored pose fits nearly as well; *out holds the better one
 // ERR_MEMORY, ERR_SOLVER: of the feature detector; *out untouched, the next image may be tried.
-MUST_CHECK enum status locator_localize(struct locator *l, const uint8_t *color, const uint16_t *depth,
+MUST_CHECK enum status locator_localize(struct locator *locator, const uint8_t *color, const uint16_t *depth,
                                         struct location *out);
 
 // Tracking: for an image soon after one that this locator localised or tracked. What was seen there is looked for near
 // where `guess`, world_from_camera, puts it (to about ten pixels); takes a fifteenth of the time.
 // OK; NOTHING: too little of it is found, *out untouched: localise from scratch. Errors as locator_localize.
-MUST_CHECK enum status locator_track(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose guess,
-                                     struct location *out);
+MUST_CHECK enum status locator_track(struct locator *locator, const uint8_t *color, const uint16_t *depth,
+                                     struct pose guess, struct location *out);
 
 // locator_localize for an image for which locator_track had no good guess: what the last image showed is looked for
 // near the pose from scratch, so that tracking continues without a jump.
-MUST_CHECK enum status locator_relocalize(struct locator *l, const uint8_t *color, const uint16_t *depth,
+MUST_CHECK enum status locator_relocalize(struct locator *locator, const uint8_t *color, const uint16_t *depth,
                                           struct location *out);
 
 // The lens used for the last image. A focal length that is uncertain (lens.focal_sigma) is estimated from the images

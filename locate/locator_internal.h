@@ -97,10 +97,10 @@ void locator_add_observation(struct locator *locator, const struct tag_observati
 // Returns how many were added. *missing: how many more must be in view but were not found; or NULL.
 int locator_detect_predicted(struct locator *locator, const uint8_t *color, const uint16_t *depth,
                              const struct pose *camera_from_world, int max_pixels, int *missing);
-// The image's features into the index; l->gray holds the image.
-MUST_CHECK enum status locator_extract_features(struct locator *l, const uint16_t *depth);
+// The image's features into the index; locator->gray holds the image.
+MUST_CHECK enum status locator_extract_features(struct locator *locator, const uint16_t *depth);
 // The same in one region, 0 .. LOCATOR_REGIONS - 1, and a little beyond.
-MUST_CHECK enum status locator_extract_region_features(struct locator *l, int region, const uint16_t *depth);
+MUST_CHECK enum status locator_extract_region_features(struct locator *locator, int region, const uint16_t *depth);
 // The observed tags as input of the pose solver.
 void locator_pnp_tags(const struct locator *locator, struct pnp_tag *tags);
 // The pose problem of the observed tags and of points, either of which may be empty.

@@ -269,28 +269,28 @@ static enum status look_in_mirror(struct picture_check *check, struct sample *sa
     return status;
 }
 
-enum status picture_check_add(struct picture_check *c, const uint8_t *color)
+enum status picture_check_add(struct picture_check *check, const uint8_t *color)
 {
     int count;
     struct pose pose;
-    if (c->pictures++ % c->stride)
+    if (check->pictures++ % check->stride)
         return OK;
-    thin_out(c);
-    struct sample *s = &c->samples[c->sample_count];
+    thin_out(check);
+    struct sample *s = &check->samples[check->sample_count];
     memset(s, 0, sizeof *s);
-    gray_from_rgb(color, lens_pixels(&c->lens), c->gray);
-    measure_light(c, s);
-    enum status status = recognise_landmarks(c, &count);
+    gray_from_rgb(color, lens_pixels(&check->lens), check->gray);
+    measure_light(check, s);
+    enum status status = recognise_landmarks(check, &count);
     if (status != OK)
         return status;
-    s->is_recognised = count_agreeing(c, c->matches, count, &c->lens, &pose) > 0;
+    s->is_recognised = count_agreeing(check, check->matches, count, &check->lens, &pose) > 0;
     s->count = count < MAX_MATCHES ? count : MAX_MATCHES;
     for (int i = 0; i < s->count; i++) {
-        s->features[i] = c->found[c->matches[i].feature];
-        s->matches[i] = (struct landmark_match){c->matches[i].point, i};
+        s->features[i] = check->found[check->matches[i].feature];
+        s->matches[i] = (struct landmark_match){check->matches[i].point, i};
     }
-    c->sample_count++;
-    return s->is_recognised ? OK : look_in_mirror(c, s);
+    check->sample_count++;
+    return s->is_recognised ? OK : look_in_mirror(check, s);
 }
 
 // ---------------------------------------------------------------- fitting a lens
@@ -478,21 +478,22 @@ static bool has_bars(const uint8_t *brightest, int count)
     return first < count && first > BAR_SHARE * count && last > BAR_SHARE * count;
 }
 
-enum status picture_check_judge(struct picture_check *c, const struct lens *lens, struct picture_verdict *out)
+enum status picture_check_judge(struct picture_check *check, const struct lens *lens, struct picture_verdict *out)
 {
     int mirrored = 0, straight = 0, bright = 0, dark = 0;
-    *out = (struct picture_verdict){.looked_at = c->sample_count};
-    for (int i = 0; i < c->sample_count; i++) {
-        mirrored += c->samples[i].mirrored > 0;
-        straight += c->samples[i].is_recognised;
-        bright += c->samples[i].saturated_share > MUCH;
-        dark += c->samples[i].mean < DARK_MEAN;
+    *out = (struct picture_verdict){.looked_at = check->sample_count};
+    for (int i = 0; i < check->sample_count; i++) {
+        mirrored += check->samples[i].mirrored > 0;
+        straight += check->samples[i].is_recognised;
+        bright += check->samples[i].saturated_share > MUCH;
+        dark += check->samples[i].mean < DARK_MEAN;
     }
-    out->overexposed = 2 * bright > c->sample_count;
-    out->dark = 2 * dark > c->sample_count;
-    out->mirrored = 2 * mirrored > c->sample_count || (mirrored > 1 && !straight);
-    out->barred = c->sample_count && (has_bars(c->row_max, lens->height) || has_bars(c->column_max, lens->width));
-    return c->place->point_count && !out->mirrored ? judge_lens(c, lens, out) : OK;
+    out->overexposed = 2 * bright > check->sample_count;
+    out->dark = 2 * dark > check->sample_count;
+    out->mirrored = 2 * mirrored > check->sample_count || (mirrored > 1 && !straight);
+    out->barred =
+        check->sample_count && (has_bars(check->row_max, lens->height) || has_bars(check->column_max, lens->width));
+    return check->place->point_count && !out->mirrored ? judge_lens(check, lens, out) : OK;
 }
 
 const char *picture_verdict_text(const struct picture_verdict *verdict, bool badly_placed, char out[PICTURE_TEXT_BYTES],

@@ -55,7 +55,7 @@ MUST_CHECK enum status picture_check_open(struct picture_check **out, const stru
 void picture_check_close(struct picture_check **c); // NULL is fine; sets *c = NULL
 
 // The next picture, RGB of the lens's size. ERR_MEMORY, ERR_SOLVER.
-MUST_CHECK enum status picture_check_add(struct picture_check *c, const uint8_t *color);
+MUST_CHECK enum status picture_check_add(struct picture_check *check, const uint8_t *color);
 
 struct picture_verdict {
     int looked_at, recognised; // pictures; those in which enough landmarks agree on a pose, with whatever lens
@@ -66,7 +66,7 @@ struct picture_verdict {
 };
 
 // lens: the one to judge, as estimated at the end; of the size given before. ERR_MEMORY, ERR_SOLVER.
-MUST_CHECK enum status picture_check_judge(struct picture_check *c, const struct lens *lens,
+MUST_CHECK enum status picture_check_judge(struct picture_check *check, const struct lens *lens,
                                            struct picture_verdict *out);
 
 // The likeliest cause why pictures are placed wrongly or not at all, and what to do, in one sentence; "": none is

@@ -150,16 +150,18 @@ static void look_along(struct looking *looking, int x, int y, int dx, int dy)
     }
 }
 
-enum status stream_turn_add(struct stream_turn *s, const struct calibration *c, const uint8_t *color,
-                            const uint16_t *depth)
+enum status stream_turn_add(struct stream_turn *stream_turn, const struct calibration *calibration,
+                            const uint8_t *color, const uint16_t *depth)
 {
-    struct looking k = {
-        .calibration = c, .color = reduced_size(&c->color), .depth = reduced_size(&c->depth), .mm = depth};
+    struct looking k = {.calibration = calibration,
+                        .color = reduced_size(&calibration->color),
+                        .depth = reduced_size(&calibration->depth),
+                        .mm = depth};
     const size_t pixels = (size_t)k.color.width * (size_t)k.color.height;
     float *memory = calloc(pixels * 6, sizeof *memory), *rgb = memory ? memory + 3 * pixels : NULL;
     if (!memory)
         return fail(ERR_MEMORY, "no memory to compare colour and depth");
-    shrink_picture(&c->color, &k.color, color, rgb);
+    shrink_picture(&calibration->color, &k.color, color, rgb);
     for (int along = 0; along < 2; along++) {
         find_gradients(&k.color, rgb, memory + 2 * pixels, memory + (size_t)along * pixels, along);
         k.gradient[along] = memory + (size_t)along * pixels;
@@ -175,25 +177,26 @@ enum status stream_turn_add(struct stream_turn *s, const struct calibration *c, 
         enough = enough && k.count[i / DEPTH_TURNS][i % DEPTH_TURNS] >= STEPS_MIN;
     for (int i = 0; i < STREAM_PICTURES * DEPTH_TURNS && enough; i++) {
         const int picture = i / DEPTH_TURNS, turn = i % DEPTH_TURNS;
-        s->rank[picture][turn] += k.sum[picture][turn] / k.count[picture][turn];
+        stream_turn->rank[picture][turn] += k.sum[picture][turn] / k.count[picture][turn];
     }
-    s->images += enough;
+    stream_turn->images += enough;
     free(memory);
     return OK;
 }
 
-enum depth_turn stream_turn_judge(const struct stream_turn *s)
+enum depth_turn stream_turn_judge(const struct stream_turn *stream_turn)
 {
-    const double images = fmax(s->images, 1), straight = s->rank[0][DEPTH_STRAIGHT] / images;
+    const double images = fmax(stream_turn->images, 1), straight = stream_turn->rank[0][DEPTH_STRAIGHT] / images;
     double best = straight;
     enum depth_turn found = DEPTH_STRAIGHT;
     for (int picture = 0; picture < STREAM_PICTURES; picture++)
         for (enum depth_turn turn = DEPTH_MIRRORED; turn < DEPTH_TURNS; turn++)
-            if (s->rank[picture][turn] / images > best) {
-                best = s->rank[picture][turn] / images;
+            if (stream_turn->rank[picture][turn] / images > best) {
+                best = stream_turn->rank[picture][turn] / images;
                 found = turn;
             }
-    return s->images >= IMAGES_MIN && best > TURNED_RANK && best - straight > TURNED_GAIN ? found : DEPTH_STRAIGHT;
+    return stream_turn->images >= IMAGES_MIN && best > TURNED_RANK && best - straight > TURNED_GAIN ? found
+                                                                                                    : DEPTH_STRAIGHT;
 }
 
 const char *depth_turn_text(enum depth_turn turn)

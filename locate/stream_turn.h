@@ -21,11 +21,11 @@ struct stream_turn {
 };
 
 // One frame of a sensor with both lenses. ERR_MEMORY.
-MUST_CHECK enum status stream_turn_add(struct stream_turn *s, const struct calibration *c, const uint8_t *color,
-                                       const uint16_t *depth);
+MUST_CHECK enum status stream_turn_add(struct stream_turn *stream_turn, const struct calibration *calibration,
+                                       const uint8_t *color, const uint16_t *depth);
 
 // How depth is turned against colour. DEPTH_STRAIGHT also where that is not clear.
-enum depth_turn stream_turn_judge(const struct stream_turn *s);
+enum depth_turn stream_turn_judge(const struct stream_turn *stream_turn);
 
 // "mirrored", "upside down", "upside down and mirrored".
 const char *depth_turn_text(enum depth_turn turn);

@@ -271,21 +271,21 @@ void mirrored_tags_close(struct mirrored_tags **tags)
     *tags = NULL;
 }
 
-enum status mirrored_tags_look_straight(struct mirrored_tags *m, const uint8_t *gray, int *shown)
+enum status mirrored_tags_look_straight(struct mirrored_tags *tags, const uint8_t *gray, int *shown)
 {
     struct tag_detection seen[MAX_SHOWN];
     int count = 0;
-    const struct gray_image image = {gray, m->lens.width, m->lens.height};
-    const enum status status = tag_detector_detect(m->detector, &image, seen, MAX_SHOWN, &count);
+    const struct gray_image image = {gray, tags->lens.width, tags->lens.height};
+    const enum status status = tag_detector_detect(tags->detector, &image, seen, MAX_SHOWN, &count);
     *shown = 0;
     for (int i = 0; status == OK && i < count; i++)
-        *shown += m->counts[seen[i].id];
+        *shown += tags->counts[seen[i].id];
     return status;
 }
 
-enum status mirrored_tags_look(struct mirrored_tags *m, const uint8_t *gray, int *shown)
+enum status mirrored_tags_look(struct mirrored_tags *tags, const uint8_t *gray, int *shown)
 {
-    memcpy(m->gray, gray, lens_pixels(&m->lens));
-    gray_mirror(m->gray, m->lens.width, m->lens.height);
-    return mirrored_tags_look_straight(m, m->gray, shown);
+    memcpy(tags->gray, gray, lens_pixels(&tags->lens));
+    gray_mirror(tags->gray, tags->lens.width, tags->lens.height);
+    return mirrored_tags_look_straight(tags, tags->gray, shown);
 }

@@ -83,7 +83,7 @@ MUST_CHECK enum status mirrored_tags_open(struct mirrored_tags **out, const stru
 void mirrored_tags_close(struct mirrored_tags **tags); // NULL is fine; sets *tags = NULL
 
 // *shown: how many of the tags the picture shows in a mirror. 15 ms at 640 x 480. ERR_MEMORY.
-MUST_CHECK enum status mirrored_tags_look(struct mirrored_tags *m, const uint8_t *gray, int *shown);
+MUST_CHECK enum status mirrored_tags_look(struct mirrored_tags *tags, const uint8_t *gray, int *shown);
 
 // The same of the picture as it is.
-MUST_CHECK enum status mirrored_tags_look_straight(struct mirrored_tags *m, const uint8_t *gray, int *shown);
+MUST_CHECK enum status mirrored_tags_look_straight(struct mirrored_tags *tags, const uint8_t *gray, int *shown);
