@@ -209,10 +209,10 @@ static enum status fetch_document(const char *base, const char *reference, const
 }
 
 enum status thing_knowledge_fetch(const char *base, const char *reference, const struct http_limits *limits,
-                                  struct known *k)
+                                  struct known *known)
 {
-    const enum status status = fetch_document(base, reference, limits, k);
-    snprintf(k->trouble, sizeof k->trouble, "%s", status < OK ? status_message() : "");
+    const enum status status = fetch_document(base, reference, limits, known);
+    snprintf(known->trouble, sizeof known->trouble, "%s", status < OK ? status_message() : "");
     return status;
 }
 

@@ -23,10 +23,10 @@ struct known {
     char trouble[256]; // "" or why the last attempt brought nothing; for the label
 };
 
-// Asks the server once; blocks as http_get does. NOTHING: it has nothing newer, *k stays. On an error *k stays as it
-// was but for `trouble`.
+// Asks the server once; blocks as http_get does. NOTHING: it has nothing newer, *known stays. On an error *known stays
+// as it was but for `trouble`.
 MUST_CHECK enum status thing_knowledge_fetch(const char *base, const char *reference, const struct http_limits *limits,
-                                             struct known *k);
+                                             struct known *known);
 
 // The JSON-LD of a thing, for a server's folder; the caller frees it; NULL: no memory.
 char *thing_knowledge_print(const struct thing_knowledge *knowledge);

@@ -295,15 +295,15 @@ static int ratios_of(const struct sighting *sighting, const struct thing *thing,
     return count;
 }
 
-enum status sighting_by_depth(struct sighting *s, const struct thing *thing, const struct depth_view *view)
+enum status sighting_by_depth(struct sighting *sighting, const struct thing *thing, const struct depth_view *view)
 {
     double ratio[DEPTH_SIDE * DEPTH_SIDE];
-    const int count = ratios_of(s, thing, view, ratio);
+    const int count = ratios_of(sighting, thing, view, ratio);
     if (count < LEAST)
         return NOTHING;
-    const struct vec3 at = s->left_from_thing.translation, ray = v3_unit(at);
+    const struct vec3 at = sighting->left_from_thing.translation, ray = v3_unit(at);
     const double distance = v3_length(at), measured = distance * ratio[count / 2];
-    const double before = covariance3_along(&s->covariance, ray);
+    const double before = covariance3_along(&sighting->covariance, ray);
     if (!(fabs(measured - distance) < CONTRADICTION * distance + 4 * sqrt(before)))
         return AMBIGUOUS;
     const double noise = depth_sigma_m(measured), bias = BIAS * measured;
@@ -313,8 +313,8 @@ enum status sighting_by_depth(struct sighting *s, const struct thing *thing, con
     // All of it lies along the ray; only the component along it shrinks.
     const struct covariance3 shrink = covariance3_outer(v3_scale(ray, sqrt(gain * before)));
     const struct covariance3 minus = covariance3_scale(&shrink, -1);
-    s->left_from_thing.translation = v3_scale(at, fused / distance);
-    s->covariance = covariance3_add(&s->covariance, &minus);
+    sighting->left_from_thing.translation = v3_scale(at, fused / distance);
+    sighting->covariance = covariance3_add(&sighting->covariance, &minus);
     return OK;
 }
 

@@ -56,7 +56,8 @@ struct depth_view {
 // (their median), weighted with what the size says; its covariance shrinks. The sighting is of the colour camera.
 // NOTHING: too few samples; it stays as it is. AMBIGUOUS: depth contradicts the size by far, so that it may be a
 // picture of the thing: it stays as it is, and should not be believed.
-MUST_CHECK enum status sighting_by_depth(struct sighting *s, const struct thing *thing, const struct depth_view *view);
+MUST_CHECK enum status sighting_by_depth(struct sighting *sighting, const struct thing *thing,
+                                         const struct depth_view *view);
 
 // ---------------------------------------------------------------- thing visibility
 

@@ -413,23 +413,23 @@ static int drop_overlapping(const struct recognizer *recognizer, struct detectio
     return kept;
 }
 
-enum status recognizer_find(const struct recognizer *r, const struct thing_view *views, int view_count,
+enum status recognizer_find(const struct recognizer *recognizer, const struct thing_view *views, int view_count,
                             struct detection *out, int *count)
 {
-    struct search s = {.r = r, .views = views, .view_count = view_count};
+    struct search s = {.r = recognizer, .views = views, .view_count = view_count};
     s.matches = malloc(MAX_HYPOTHESES * sizeof *s.matches);
     s.samples = malloc(sizeof *s.samples);
-    s.best = malloc(((size_t)r->options.kept + 1) * sizeof *s.best);
+    s.best = malloc(((size_t)recognizer->options.kept + 1) * sizeof *s.best);
     enum status status = s.matches && s.samples && s.best ? OK : fail(ERR_MEMORY, "no memory to look for things");
     *count = 0;
-    for (int i = 0; i < r->things->count && status == OK; i++) {
+    for (int i = 0; i < recognizer->things->count && status == OK; i++) {
         bool found = false;
         status = find_thing(&s, i, &out[*count], &found);
         forget_samples(&s);
         *count += found;
     }
     if (status == OK)
-        *count = drop_overlapping(r, out, *count, view_count);
+        *count = drop_overlapping(recognizer, out, *count, view_count);
     free(s.matches);
     free(s.samples);
     free(s.best);
@@ -465,14 +465,15 @@ void thing_traits_add(struct thing_traits *traits, const struct recognizer *reco
     }
 }
 
-enum status recognizer_refine(const struct recognizer *r, const struct detection *d, const struct thing_traits *traits,
-                              const struct thing_view *views, int view_count, struct sighting *out)
+enum status recognizer_refine(const struct recognizer *recognizer, const struct detection *detection,
+                              const struct thing_traits *traits, const struct thing_view *views, int view_count,
+                              struct sighting *out)
 {
-    const double evidence = traits ? traits->turned_evidence : turned_evidence(d);
+    const double evidence = traits ? traits->turned_evidence : turned_evidence(detection);
     enum thing_shape shape = evidence > 0 ? THING_TURNED : THING_FLAT;
-    const double sigma = r->models[d->thing].scale[shape].size_sigma;
+    const double sigma = recognizer->models[detection->thing].scale[shape].size_sigma;
     struct size_prior size = {0, sigma};
-    struct alignment a = d->by[d->found[shape] ? shape : 1 - shape];
+    struct alignment a = detection->by[detection->found[shape] ? shape : 1 - shape];
     if (traits) {
         const double information = 1 / (sigma * sigma) + traits->size[shape].information;
         size = (struct size_prior){traits->size[shape].sum / information, 1 / sqrt(information)};
@@ -480,22 +481,22 @@ enum status recognizer_refine(const struct recognizer *r, const struct detection
         struct thing_samples *samples = malloc(sizeof *samples);
         if (!samples)
             return fail(ERR_MEMORY, "no memory for the samples of a thing");
-        const bool aligned = align_fine(r, d->thing, shape, views, view_count, &size, samples, &a);
+        const bool aligned = align_fine(recognizer, detection->thing, shape, views, view_count, &size, samples, &a);
         free(samples);
-        if (!aligned || !is_right(r, &a, view_count)) { // as it is by itself, if in the other shape
-            if (d->found[shape])
+        if (!aligned || !is_right(recognizer, &a, view_count)) { // as it is by itself, if in the other shape
+            if (detection->found[shape])
                 return NOTHING;
             shape = (enum thing_shape)(1 - shape);
-            a = d->by[shape];
+            a = detection->by[shape];
         }
     }
     double covariance[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS];
     if (!invert_symmetric(a.information, ALIGN_UNKNOWNS, covariance))
         return NOTHING;
     const double *c = covariance + 3 * ALIGN_UNKNOWNS + 3;
-    const double middle = r->models[d->thing].scale[shape].middle_sigma_m, middle2 = middle * middle;
+    const double middle = recognizer->models[detection->thing].scale[shape].middle_sigma_m, middle2 = middle * middle;
     const struct vec3 up = quat_rotate(a.left_from_thing.rotation, v3(0, -1, 0));
-    *out = (struct sighting){.thing = d->thing,
+    *out = (struct sighting){.thing = detection->thing,
                              .shape = shape,
                              .left_from_thing = a.left_from_thing,
                              .log_scale = a.log_scale,

@@ -30,8 +30,8 @@ struct detection {
 };
 
 // At most one detection a thing; out: as many as there are things. views with features. ERR_MEMORY.
-MUST_CHECK enum status recognizer_find(const struct recognizer *r, const struct thing_view *views, int view_count,
-                                       struct detection *out, int *count);
+MUST_CHECK enum status recognizer_find(const struct recognizer *recognizer, const struct thing_view *views,
+                                       int view_count, struct detection *out, int *count);
 
 // What many sightings have shown of a thing. All 0: nothing yet.
 struct thing_traits {
@@ -45,7 +45,7 @@ void thing_traits_add(struct thing_traits *traits, const struct recognizer *reco
 
 // The detection as a sighting with the thing's shape and size as `traits` have them (NULL: as it is by itself), aligned
 // once more in the views. NOTHING: it does not look right after all.
-MUST_CHECK enum status recognizer_refine(const struct recognizer *r, const struct detection *d,
+MUST_CHECK enum status recognizer_refine(const struct recognizer *recognizer, const struct detection *detection,
                                          const struct thing_traits *traits, const struct thing_view *views,
                                          int view_count, struct sighting *out);
 

@@ -95,23 +95,23 @@ static enum status copy_depth(const struct sweep_pictures *pictures, const uint1
     return OK;
 }
 
-enum status sweep_pictures_add(struct sweep_pictures *s, const struct frame *frame)
+enum status sweep_pictures_add(struct sweep_pictures *pictures, const struct frame *frame)
 {
-    if (!frame->color || s->seen++ % s->stride)
+    if (!frame->color || pictures->seen++ % pictures->stride)
         return OK;
-    if (s->count == SWEEP_PICTURES_MAX)
-        thin_out(s);
-    if ((s->seen - 1) % s->stride)
+    if (pictures->count == SWEEP_PICTURES_MAX)
+        thin_out(pictures);
+    if ((pictures->seen - 1) % pictures->stride)
         return OK;
-    struct sweep_picture *p = &s->pictures[s->count];
-    const struct lens *l = &s->calibration.color;
+    struct sweep_picture *p = &pictures->pictures[pictures->count];
+    const struct lens *l = &pictures->calibration.color;
     *p =
         (struct sweep_picture){.time_ns = frame->time_ns, .sharpness = sharpness_of(frame->color, l->width, l->height)};
-    enum status status = copy_jpeg(s, frame, p);
-    if (status == OK && frame->depth && s->depth_lens.width)
-        status = copy_depth(s, frame->depth, p);
+    enum status status = copy_jpeg(pictures, frame, p);
+    if (status == OK && frame->depth && pictures->depth_lens.width)
+        status = copy_depth(pictures, frame->depth, p);
     if (status == OK)
-        s->count++;
+        pictures->count++;
     else
         free_picture(p);
     return status;
@@ -300,29 +300,29 @@ static void note_misses(struct thing_search *search, const struct searched *sear
     }
 }
 
-enum status thing_search_add(struct thing_search *s, const struct lens *lens, struct pose world_from_camera,
+enum status thing_search_add(struct thing_search *search, const struct lens *lens, struct pose world_from_camera,
                              const uint8_t *rgb, const struct depth_view *depth)
 {
     struct searched p = {.lens = *lens,
                          .world_from_camera = world_from_camera,
-                         .detections = calloc((size_t)s->things->count + 1, sizeof *p.detections)};
+                         .detections = calloc((size_t)search->things->count + 1, sizeof *p.detections)};
     const struct pose here = POSE_IDENTITY;
     struct thing_view view;
     if (!p.detections)
         return fail(ERR_MEMORY, "no memory to look for things");
     enum status status = thing_view_make(lens, &here, rgb, true, &view);
     if (status == OK) {
-        status = recognizer_find(s->recognizer, &view, 1, p.detections, &p.count);
+        status = recognizer_find(search->recognizer, &view, 1, p.detections, &p.count);
         thing_view_free(&view);
     }
     if (status == OK) {
-        note_misses(s, &p, depth);
-        leave_out_repeated(s, &p);
+        note_misses(search, &p, depth);
+        leave_out_repeated(search, &p);
     }
     for (int i = 0; i < p.count && status == OK; i++)
-        thing_traits_add(&s->traits[p.detections[i].thing], s->recognizer, &p.detections[i]);
+        thing_traits_add(&search->traits[p.detections[i].thing], search->recognizer, &p.detections[i]);
     if (status == OK && p.count)
-        status = keep_picture(s, &p, rgb, depth);
+        status = keep_picture(search, &p, rgb, depth);
     if (status != OK || !p.count)
         free_searched(&p);
     return status;
@@ -357,19 +357,19 @@ static enum status refine_detections(struct thing_search *search, const struct s
     return status < OK ? status : OK;
 }
 
-enum status thing_search_finish(struct thing_search *s, struct thing_map *out, int *sightings, int *contradicted)
+enum status thing_search_finish(struct thing_search *search, struct thing_map *out, int *sightings, int *contradicted)
 {
     enum status status = OK;
     *out = (struct thing_map){0};
     *sightings = *contradicted = 0;
-    for (int i = 0; i < s->things->count; i++)
-        if (s->expected[i].any)
-            thing_map_know(out, i, &s->expected[i].world_from_thing, &s->expected[i].covariance);
-    for (int i = 0; i < s->count && status == OK; i++)
-        status = refine_detections(s, &s->pictures[i], out, sightings, contradicted);
-    for (int i = 0; i < s->things->count && status == OK; i++) {
+    for (int i = 0; i < search->things->count; i++)
+        if (search->expected[i].any)
+            thing_map_know(out, i, &search->expected[i].world_from_thing, &search->expected[i].covariance);
+    for (int i = 0; i < search->count && status == OK; i++)
+        status = refine_detections(search, &search->pictures[i], out, sightings, contradicted);
+    for (int i = 0; i < search->things->count && status == OK; i++) {
         const struct mapped_thing *t = thing_map_find(out, i);
-        if (t && !t->moves && !s->expected[i].there && s->expected[i].absent >= ABSENT)
+        if (t && !t->moves && !search->expected[i].there && search->expected[i].absent >= ABSENT)
             thing_map_absent(out, i);
     }
     return status;

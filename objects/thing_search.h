@@ -37,7 +37,7 @@ void sweep_pictures_start(struct sweep_pictures *pictures, const struct calibrat
 void sweep_pictures_free(struct sweep_pictures *pictures); // zeroed is fine
 
 // Copies what it needs. ERR_MEMORY.
-MUST_CHECK enum status sweep_pictures_add(struct sweep_pictures *s, const struct frame *frame);
+MUST_CHECK enum status sweep_pictures_add(struct sweep_pictures *pictures, const struct frame *frame);
 
 // Sharp enough to look for things: not blurred by motion, against the sharpest of the pictures just before and after.
 bool sweep_picture_is_sharp(const struct sweep_pictures *pictures, int picture);
@@ -57,11 +57,12 @@ void thing_search_expect(struct thing_search *search, int thing, const struct po
                          const struct covariance3 *covariance);
 
 // A picture as `lens` took it; depth NULL: none. Everything is copied. ERR_MEMORY, ERR_SOLVER.
-MUST_CHECK enum status thing_search_add(struct thing_search *s, const struct lens *lens, struct pose world_from_camera,
-                                        const uint8_t *rgb, const struct depth_view *depth);
+MUST_CHECK enum status thing_search_add(struct thing_search *search, const struct lens *lens,
+                                        struct pose world_from_camera, const uint8_t *rgb,
+                                        const struct depth_view *depth);
 
 // The things found, in world axes, and those expected: without a sighting they are where they were, or gone.
 // ERR_MEMORY, ERR_SOLVER. *sightings: that the map is made of; *contradicted: left out, because depth and size do not
 // fit.
-MUST_CHECK enum status thing_search_finish(struct thing_search *s, struct thing_map *out, int *sightings,
+MUST_CHECK enum status thing_search_finish(struct thing_search *search, struct thing_map *out, int *sightings,
                                            int *contradicted);
