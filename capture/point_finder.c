@@ -45,14 +45,14 @@ static const enum pose_point_name pose_point[BODY_POINT_COUNT] = {
     [BODY_POINT_RIGHT_TOE] = POSE_RIGHT_TOE,
 };
 
-enum status body_points_of_image(struct pose_network *n, const uint8_t *rgb, int width, int height,
+enum status body_points_of_image(struct pose_network *network, const uint8_t *rgb, int width, int height,
                                  struct body_points *out)
 {
     struct pose_points found;
     memset(out, 0, sizeof *out);
     if (is_dark(rgb, 3 * (size_t)width * (size_t)height))
         return NOTHING;
-    enum status status = pose_network_find(n, rgb, width, height, &found);
+    enum status status = pose_network_find(network, rgb, width, height, &found);
     if (status < 0)
         return status;
     out->person = status == OK;

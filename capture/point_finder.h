@@ -17,7 +17,7 @@
 // Looks for a person's points in the next image of a film (else call pose_network_restart before); rgb: width x height,
 // 3 bytes a pixel. OK: *out says where they are, or that there is no person. NOTHING: the image is too dark to tell,
 // and the tracker is to be given none.
-MUST_CHECK enum status body_points_of_image(struct pose_network *n, const uint8_t *rgb, int width, int height,
+MUST_CHECK enum status body_points_of_image(struct pose_network *network, const uint8_t *rgb, int width, int height,
                                             struct body_points *out);
 
 // ---------------------------------------------------------------- point motion

@@ -285,22 +285,22 @@ static enum status look_in_mirror(struct sensor_pose *pose, const uint8_t *color
     return status;
 }
 
-enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
+enum status sensor_pose_update(struct sensor_pose *pose, const uint8_t *color, const uint16_t *depth)
 {
-    const int64_t frame = s->frame++;
+    const int64_t frame = pose->frame++;
     if (!color)
         return OK;
-    const bool warming_up = s->with_color++ < SENSOR_POSE_WARM_UP; // a colour camera may start later than its depth
-    const bool soon = s->candidate_checks && s->candidate_is_accurate && frame % CHECK_SOON == 0;
+    const bool warming_up = pose->with_color++ < SENSOR_POSE_WARM_UP; // a colour camera may start later than its depth
+    const bool soon = pose->candidate_checks && pose->candidate_is_accurate && frame % CHECK_SOON == 0;
     if (!warming_up && frame % CHECK_EVERY && !soon)
         return OK;
     struct location found;
-    enum status status = locator_localize(s->locator, color, s->calibration.registered ? depth : NULL, &found);
-    s->sight.tag_count = locator_seen_tags(s->locator, s->sight.tags, SENSOR_SIGHT_TAGS);
-    s->sight.points = status == OK ? found.points_used : 0;
-    note_depth_scale(s);
+    enum status status = locator_localize(pose->locator, color, pose->calibration.registered ? depth : NULL, &found);
+    pose->sight.tag_count = locator_seen_tags(pose->locator, pose->sight.tags, SENSOR_SIGHT_TAGS);
+    pose->sight.points = status == OK ? found.points_used : 0;
+    note_depth_scale(pose);
     if (status == NOTHING) {
-        const enum status looked = look_in_mirror(s, color);
+        const enum status looked = look_in_mirror(pose, color);
         if (looked != OK)
             return looked;
     }
@@ -308,19 +308,19 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
         return OK;
     if (status != OK)
         return status;
-    align_to_floor(s, depth, &found.world_from_camera);
+    align_to_floor(pose, depth, &found.world_from_camera);
     double sigma_m = fmax(found.position_sigma_m, 1e-4), weight = 1 / (sigma_m * sigma_m);
-    if (!s->poses) {
-        restart_from(s, &found, weight);
-    } else if (is_pose_consistent(&found, s->mean)) {
-        s->candidate_checks = 0;
-        s->min_sigma_m = fmin(s->min_sigma_m, found.position_sigma_m);
-        if (s->poses < ENOUGH_POSES)
-            update_mean_pose(s, found.world_from_camera, weight);
-    } else if (candidate_is_accepted(s, &found)) {
-        s->moves += !warming_up;
-        s->far_moves += !warming_up && is_far(found.world_from_camera, s->mean);
-        restart_from(s, &found, weight);
+    if (!pose->poses) {
+        restart_from(pose, &found, weight);
+    } else if (is_pose_consistent(&found, pose->mean)) {
+        pose->candidate_checks = 0;
+        pose->min_sigma_m = fmin(pose->min_sigma_m, found.position_sigma_m);
+        if (pose->poses < ENOUGH_POSES)
+            update_mean_pose(pose, found.world_from_camera, weight);
+    } else if (candidate_is_accepted(pose, &found)) {
+        pose->moves += !warming_up;
+        pose->far_moves += !warming_up && is_far(found.world_from_camera, pose->mean);
+        restart_from(pose, &found, weight);
     }
     return OK;
 }

@@ -49,7 +49,7 @@ void sensor_pose_close(struct sensor_pose **pose);
 // Processes the next frame; each frame once, in order. OK also when nothing was found in it.
 // `depth` may be NULL; otherwise the pose is aligned to the floor. ERR_MEMORY, ERR_SOLVER: the pose
 // is unchanged.
-MUST_CHECK enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
+MUST_CHECK enum status sensor_pose_update(struct sensor_pose *pose, const uint8_t *color, const uint16_t *depth);
 
 // The present pose. False: not located yet; *world_from_camera is then the identity.
 bool sensor_pose_get(const struct sensor_pose *pose, struct pose *world_from_camera);

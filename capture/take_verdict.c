@@ -36,7 +36,7 @@ static enum status read_frame(struct source *source, const struct recorder_optio
     }
 }
 
-enum status take_frames_next(struct take_clock *c, struct source *source, const struct recorder_options *options,
+enum status take_frames_next(struct take_clock *clock, struct source *source, const struct recorder_options *options,
                              struct frame *frame, struct recorder_result *result)
 {
     bool paused = false;
@@ -51,12 +51,12 @@ enum status take_frames_next(struct take_clock *c, struct source *source, const 
         if (options->on_paused)
             options->on_paused(options->context, frame);
     }
-    c->after_pause = paused && c->frames;
-    if (c->after_pause)
-        c->closed_ns = frame->time_ns - c->last_ns - RECORDER_PAUSE_NS;
-    frame->time_ns -= c->closed_ns;
-    c->last_ns = frame->time_ns;
-    c->first_ns = c->frames++ ? c->first_ns : c->last_ns;
+    clock->after_pause = paused && clock->frames;
+    if (clock->after_pause)
+        clock->closed_ns = frame->time_ns - clock->last_ns - RECORDER_PAUSE_NS;
+    frame->time_ns -= clock->closed_ns;
+    clock->last_ns = frame->time_ns;
+    clock->first_ns = clock->frames++ ? clock->first_ns : clock->last_ns;
     return OK;
 }
 
@@ -494,13 +494,13 @@ enum status take_verdict_keep_missing(const char *path)
     return status;
 }
 
-enum status take_verdict_get(struct recording *r, const char *name, const struct take_verdict_patience *patience,
-                             struct take_verdict *out)
+enum status take_verdict_get(struct recording *recording, const char *name,
+                             const struct take_verdict_patience *patience, struct take_verdict *out)
 {
     struct take *take = NULL;
     struct judging by = {.before = {.purpose = PURPOSE_BOTH}, .patience = patience};
     bool fits = false;
-    enum status status = take_open(&take, r, name);
+    enum status status = take_open(&take, recording, name);
     if (status == OK)
         status = recorded_verdict_read(take, &by.before, &fits);
     if (status == OK && fits) {

@@ -72,5 +72,5 @@ struct take_verdict_patience {
 
 // The verdict that is kept, or a new one, which is not written. patience NULL: there is time. NOTHING: it was ended.
 // ERR_CORRUPT, ERR_IO, ERR_MEMORY, ERR_MISSING.
-MUST_CHECK enum status take_verdict_get(struct recording *r, const char *name,
+MUST_CHECK enum status take_verdict_get(struct recording *recording, const char *name,
                                         const struct take_verdict_patience *patience, struct take_verdict *out);

@@ -21,10 +21,10 @@ enum { MAX_STEPS = 50 };
 
 struct disc_board disc_board_default(void) { return (struct disc_board){4, 3, 0.04, 0.05}; }
 
-enum status color_depth_start(struct color_depth *c, const struct calibration *calibration,
+enum status color_depth_start(struct color_depth *color_depth, const struct calibration *calibration,
                               const struct disc_board *board)
 {
-    *c = (struct color_depth){.calibration = *calibration, .board = *board, .nearest_m = INFINITY};
+    *color_depth = (struct color_depth){.calibration = *calibration, .board = *board, .nearest_m = INFINITY};
     if (calibration->color.width <= 0 || calibration->depth.width <= 0)
         return fail(ERR_INPUT, "colour to depth is calibrated with a sensor that has both; this one has only %s",
                     calibration->color.width > 0 ? "colour" : "depth");
@@ -153,9 +153,9 @@ static bool disc_point(const struct color_depth *color_depth, const uint16_t *de
 }
 
 // Where the discs of the colour image should be in the depth image, with a margin of two radii.
-static struct depth_box box_of(const struct color_depth *depth, const struct circle *discs, int count)
+static struct depth_box box_of(const struct color_depth *color_depth, const struct circle *discs, int count)
 {
-    const struct lens *color = &depth->calibration.color, *l = &depth->calibration.depth;
+    const struct lens *color = &color_depth->calibration.color, *l = &color_depth->calibration.depth;
     double left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY, radius = 0;
     for (int i = 0; i < count; i++) {
         const struct pixel px = lens_project(l, lens_ray(color, discs[i].at));
@@ -169,23 +169,23 @@ static struct depth_box box_of(const struct color_depth *depth, const struct cir
     return box;
 }
 
-static enum status keep_points(struct color_depth *depth, const struct circle *color, const struct vec3 *points,
+static enum status keep_points(struct color_depth *color_depth, const struct circle *color, const struct vec3 *points,
                                int count)
 {
-    if (depth->count + count > depth->capacity) {
-        const int capacity = 2 * depth->capacity + 64 * count;
-        struct color_depth_point *more = realloc(depth->points, (size_t)capacity * sizeof *more);
+    if (color_depth->count + count > color_depth->capacity) {
+        const int capacity = 2 * color_depth->capacity + 64 * count;
+        struct color_depth_point *more = realloc(color_depth->points, (size_t)capacity * sizeof *more);
         if (!more)
             return fail(ERR_MEMORY, "no memory for the calibration's points");
-        depth->points = more;
-        depth->capacity = capacity;
+        color_depth->points = more;
+        color_depth->capacity = capacity;
     }
     for (int i = 0; i < count; i++) {
-        depth->points[depth->count++] = (struct color_depth_point){points[i], color[i].at};
-        depth->nearest_m = fmin(depth->nearest_m, points[i].z);
-        depth->farthest_m = fmax(depth->farthest_m, points[i].z);
+        color_depth->points[color_depth->count++] = (struct color_depth_point){points[i], color[i].at};
+        color_depth->nearest_m = fmin(color_depth->nearest_m, points[i].z);
+        color_depth->farthest_m = fmax(color_depth->farthest_m, points[i].z);
     }
-    depth->views++;
+    color_depth->views++;
     return OK;
 }
 
@@ -225,26 +225,26 @@ static enum status find_discs(struct color_depth *color_depth, struct disc_scrat
     return keep_points(color_depth, scratch->color, scratch->points, count);
 }
 
-enum status color_depth_add(struct color_depth *c, const uint8_t *rgb, const uint16_t *depth,
+enum status color_depth_add(struct color_depth *color_depth, const uint8_t *rgb, const uint16_t *depth,
                             enum color_depth_seen *seen)
 {
-    const struct lens *color = &c->calibration.color, *l = &c->calibration.depth;
+    const struct lens *color = &color_depth->calibration.color, *l = &color_depth->calibration.depth;
     const size_t a = (size_t)color->width * (size_t)color->height, b = (size_t)l->width * (size_t)l->height;
     struct disc_scratch *s = malloc(sizeof *s);
     uint8_t *gray = malloc(a > b ? a : b);
     enum status status = s && gray ? OK : fail(ERR_MEMORY, "no memory to look for discs");
     if (status == OK) {
         s->gray = gray;
-        status = find_discs(c, s, rgb, depth, seen);
+        status = find_discs(color_depth, s, rgb, depth, seen);
     }
     free(gray);
     free(s);
     if (status != OK)
         return status;
-    c->frames++;
-    c->no_color += *seen == DISCS_NOT_IN_COLOR;
-    c->no_depth += *seen == DISCS_NOT_IN_DEPTH;
-    c->too_far += *seen == DISCS_TOO_FAR;
+    color_depth->frames++;
+    color_depth->no_color += *seen == DISCS_NOT_IN_COLOR;
+    color_depth->no_depth += *seen == DISCS_NOT_IN_DEPTH;
+    color_depth->too_far += *seen == DISCS_TOO_FAR;
     return OK;
 }
 
@@ -322,25 +322,26 @@ static enum status why_so_few(const struct color_depth *depth)
         depth->views, depth->frames, depth->board.columns, depth->board.rows, COLOR_DEPTH_MIN_VIEWS);
 }
 
-enum status color_depth_solve(const struct color_depth *c, struct pose *color_from_depth,
+enum status color_depth_solve(const struct color_depth *color_depth, struct pose *color_from_depth,
                               struct color_depth_report *report)
 {
     static const struct least_squares_options options = {MAX_STEPS, 1e-3, 1e-9, 1e-12};
     double covariance[36], work[LEAST_SQUARES_WORK(6)], depth_sum = 0;
-    *report = (struct color_depth_report){.views = c->views, .points = c->count};
-    if (c->views < COLOR_DEPTH_MIN_VIEWS)
-        return why_so_few(c);
-    const struct pose start = c->calibration.registered ? POSE_IDENTITY : c->calibration.color_from_depth;
-    struct pose_fit fit = {.depth = c, .color_from_depth = {start}};
+    *report = (struct color_depth_report){.views = color_depth->views, .points = color_depth->count};
+    if (color_depth->views < COLOR_DEPTH_MIN_VIEWS)
+        return why_so_few(color_depth);
+    const struct pose start =
+        color_depth->calibration.registered ? POSE_IDENTITY : color_depth->calibration.color_from_depth;
+    struct pose_fit fit = {.depth = color_depth, .color_from_depth = {start}};
     const struct least_squares_problem problem = {6, &fit, move_pose, sum_points, keep_pose, NULL};
     struct least_squares_sums sums;
     (void)least_squares_solve(&problem, &options, work, &sums);
     const struct pose pose = fit.color_from_depth[STATE_KEPT];
     const double squares = fit.squares[STATE_KEPT];
-    for (int i = 0; i < c->count; i++)
-        depth_sum += c->points[i].depth_axes.z;
-    report->rms_px = sqrt(squares / c->count);
-    report->rms_mm = report->rms_px * depth_sum / c->count / c->calibration.color.fx * 1e3;
+    for (int i = 0; i < color_depth->count; i++)
+        depth_sum += color_depth->points[i].depth_axes.z;
+    report->rms_px = sqrt(squares / color_depth->count);
+    report->rms_mm = report->rms_px * depth_sum / color_depth->count / color_depth->calibration.color.fx * 1e3;
     const struct pose change = pose_multiply(pose, pose_inverse(start));
     report->shift_mm = v3_length(change.translation) * 1e3;
     report->turn_deg = v3_length(quat_to_rotation_vector(change.rotation)) * 180 / PI;
@@ -354,7 +355,7 @@ enum status color_depth_solve(const struct color_depth *c, struct pose *color_fr
         return fail(ERR_SOLVER,
                     "the views do not fix the pose between colour and depth; show the board tilted, from different "
                     "sides and distances");
-    const double variance = squares / (2 * c->count - 6);
+    const double variance = squares / (2 * color_depth->count - 6);
     for (int k = 0; k < 3; k++) {
         report->sigma_deg = fmax(report->sigma_deg, sqrt(variance * covariance[7 * k]) * 180 / PI);
         report->sigma_mm = fmax(report->sigma_mm, sqrt(variance * covariance[7 * (k + 3)]) * 1e3);
@@ -363,7 +364,7 @@ enum status color_depth_solve(const struct color_depth *c, struct pose *color_fr
         return fail(ERR_INPUT,
                     "the pose between colour and depth is certain to %.1f mm only; show the board from %.1f m and from "
                     "twice as far, tilted, in the picture's corners too",
-                    report->sigma_mm, c->nearest_m);
+                    report->sigma_mm, color_depth->nearest_m);
     *color_from_depth = pose;
     return OK;
 }

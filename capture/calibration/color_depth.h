@@ -34,12 +34,12 @@ struct color_depth {
 enum color_depth_seen { DISCS_BOTH, DISCS_NOT_IN_COLOR, DISCS_NOT_IN_DEPTH, DISCS_TOO_FAR };
 
 // ERR_INPUT: a lens is missing. Copies.
-MUST_CHECK enum status color_depth_start(struct color_depth *c, const struct calibration *calibration,
+MUST_CHECK enum status color_depth_start(struct color_depth *color_depth, const struct calibration *calibration,
                                          const struct disc_board *board);
 void color_depth_free(struct color_depth *depth);
 
 // One frame: RGB and millimetres. ERR_MEMORY.
-MUST_CHECK enum status color_depth_add(struct color_depth *c, const uint8_t *rgb, const uint16_t *depth,
+MUST_CHECK enum status color_depth_add(struct color_depth *color_depth, const uint8_t *rgb, const uint16_t *depth,
                                        enum color_depth_seen *seen);
 
 struct color_depth_report {
@@ -52,5 +52,5 @@ enum { COLOR_DEPTH_MIN_VIEWS = 6 };
 
 // ERR_INPUT with the reason: too few views, the board too far away, colour and depth that do not belong together, views
 // that do not fix the pose. ERR_SOLVER. *color_from_depth is written on OK only.
-MUST_CHECK enum status color_depth_solve(const struct color_depth *c, struct pose *color_from_depth,
+MUST_CHECK enum status color_depth_solve(const struct color_depth *color_depth, struct pose *color_from_depth,
                                          struct color_depth_report *report);

@@ -54,13 +54,13 @@ static bool build_equation(const struct readout *readout, int i, double row[UNKN
     return true;
 }
 
-enum status readout_solve(const struct readout *r, double *readout_s, struct readout_report *report)
+enum status readout_solve(const struct readout *readout, double *readout_s, struct readout_report *report)
 {
     double n[UNKNOWNS * UNKNOWNS] = {0}, copy[UNKNOWNS * UNKNOWNS], g[UNKNOWNS] = {0}, row[UNKNOWNS], shear, speed;
     double to_left = 0, to_right = 0, squares = 0, max = 0;
     *report = (struct readout_report){.frames = 0};
-    for (int i = 0; i < r->count; i++) {
-        if (!build_equation(r, i, row, &shear, &speed))
+    for (int i = 0; i < readout->count; i++) {
+        if (!build_equation(readout, i, row, &shear, &speed))
             continue;
         report->frames++;
         to_left = fmax(to_left, -speed);
@@ -94,8 +94,8 @@ enum status readout_solve(const struct readout *r, double *readout_s, struct rea
     for (int a = 0; a < UNKNOWNS; a++)
         for (int b = 0; b < UNKNOWNS; b++)
             solution[a] += inverse[UNKNOWNS * a + b] * g[b];
-    for (int i = 0; i < r->count; i++) {
-        if (!build_equation(r, i, row, &shear, &speed))
+    for (int i = 0; i < readout->count; i++) {
+        if (!build_equation(readout, i, row, &shear, &speed))
             continue;
         double off = shear;
         for (int a = 0; a < UNKNOWNS; a++)
@@ -176,9 +176,9 @@ static enum status find_board(const struct lens_calibration *calibration, const 
     return status == NOTHING ? OK : status;
 }
 
-enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb, bool *used)
+enum status lens_calibration_add(struct lens_calibration *calibration, const uint8_t *rgb, bool *used)
 {
-    const size_t pixels = (size_t)c->width * (size_t)c->height;
+    const size_t pixels = (size_t)calibration->width * (size_t)calibration->height;
     struct circle *found = malloc(STEREO_MAX_CIRCLES * sizeof *found);
     uint8_t *gray = malloc(pixels);
     int count = 0;
@@ -186,18 +186,18 @@ enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb,
     *used = false;
     if (status == OK) {
         image_gray(rgb, pixels, gray);
-        status = find_board(c, gray, found, &count);
+        status = find_board(calibration, gray, found, &count);
     }
-    c->frames++;
-    if (status == OK && count >= MIN_CIRCLES && c->views < LENS_MAX_VIEWS &&
-        (!c->views || moved_px(c, found, count) > NEW_VIEW_SHARE * c->width)) {
-        const int before = c->first[c->views];
-        struct circle *more = realloc(c->circles, (size_t)(before + count) * sizeof *more);
+    calibration->frames++;
+    if (status == OK && count >= MIN_CIRCLES && calibration->views < LENS_MAX_VIEWS &&
+        (!calibration->views || moved_px(calibration, found, count) > NEW_VIEW_SHARE * calibration->width)) {
+        const int before = calibration->first[calibration->views];
+        struct circle *more = realloc(calibration->circles, (size_t)(before + count) * sizeof *more);
         status = more ? OK : fail(ERR_MEMORY, "no memory for the board's circles");
         if (more) {
-            c->circles = more;
+            calibration->circles = more;
             memcpy(more + before, found, (size_t)count * sizeof *more);
-            c->first[++c->views] = before + count;
+            calibration->first[++calibration->views] = before + count;
             *used = true;
         }
     }
@@ -206,23 +206,25 @@ enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb,
     return status;
 }
 
-enum status lens_calibration_solve(const struct lens_calibration *c, struct lens *lens, struct lens_report *report)
+enum status lens_calibration_solve(const struct lens_calibration *calibration, struct lens *lens,
+                                   struct lens_report *report)
 {
     struct stereo_view views[LENS_MAX_VIEWS];
     struct stereo_fit fit;
     struct lens found;
-    *report = (struct lens_report){.views = c->views, .circles = c->first[c->views]};
-    if (c->views < LENS_MIN_VIEWS)
+    *report = (struct lens_report){.views = calibration->views, .circles = calibration->first[calibration->views]};
+    if (calibration->views < LENS_MIN_VIEWS)
         return fail(ERR_INPUT,
                     "the board is in %d different pictures of %d; at least %d are needed, with the board tilted to all "
                     "sides and in all corners of the picture",
-                    c->views, c->frames, LENS_MIN_VIEWS);
-    for (int i = 0; i < c->views; i++) {
-        const struct circle *at = c->circles + c->first[i];
-        const int count = c->first[i + 1] - c->first[i];
+                    calibration->views, calibration->frames, LENS_MIN_VIEWS);
+    for (int i = 0; i < calibration->views; i++) {
+        const struct circle *at = calibration->circles + calibration->first[i];
+        const int count = calibration->first[i + 1] - calibration->first[i];
         views[i] = (struct stereo_view){{at, NULL}, {count, 0}, NULL};
     }
-    enum status status = stereo_calibrate_one(&c->board, views, c->views, c->width, c->height, &found, &fit);
+    enum status status = stereo_calibrate_one(&calibration->board, views, calibration->views, calibration->width,
+                                              calibration->height, &found, &fit);
     if (status != OK)
         return status;
     report->rms_px = fit.rms_px;

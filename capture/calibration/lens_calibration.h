@@ -41,7 +41,7 @@ struct readout_report {
     double bend_px; // the largest shear that was seen because of the read-out
 };
 // ERR_INPUT with the reason: too few frames, swung too slowly, only one way, not fitting. *readout_s from 0.
-MUST_CHECK enum status readout_solve(const struct readout *r, double *readout_s, struct readout_report *report);
+MUST_CHECK enum status readout_solve(const struct readout *readout, double *readout_s, struct readout_report *report);
 
 // ---------------------------------------------------------------- lens calibration
 
@@ -63,7 +63,7 @@ void lens_calibration_free(struct lens_calibration *calibration);
 
 // One picture, RGB. *used: it shows the board, and differs from the last one used by a thirtieth of the picture's
 // width. ERR_MEMORY, ERR_SOLVER.
-MUST_CHECK enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb, bool *used);
+MUST_CHECK enum status lens_calibration_add(struct lens_calibration *calibration, const uint8_t *rgb, bool *used);
 
 struct lens_report {
     int views, circles;
@@ -72,5 +72,5 @@ struct lens_report {
     double sigma_mm_per_m; // what it does to a length of a metre, seen frontally
 };
 // ERR_INPUT with the reason; ERR_SOLVER, ERR_MEMORY. *lens: readout_s and focal_sigma 0, as of a measured lens.
-MUST_CHECK enum status lens_calibration_solve(const struct lens_calibration *c, struct lens *lens,
+MUST_CHECK enum status lens_calibration_solve(const struct lens_calibration *calibration, struct lens *lens,
                                               struct lens_report *report);

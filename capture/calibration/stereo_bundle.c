@@ -366,25 +366,25 @@ static void write_covariance(const struct stereo_bundle *bundle, double *work, d
     }
 }
 
-enum status stereo_bundle_solve(struct stereo_bundle *b, double *covariance)
+enum status stereo_bundle_solve(struct stereo_bundle *bundle, double *covariance)
 {
-    const size_t n = (size_t)unknown_count(b);
+    const size_t n = (size_t)unknown_count(bundle);
     struct bundle_scratch scratch = {
         .work = malloc(LEAST_SQUARES_WORK(n) * sizeof *scratch.work),
-        .distances = malloc(((size_t)b->count + 1) * sizeof *scratch.distances),
-        .boards = malloc(((size_t)b->boards + 1) * sizeof *scratch.boards),
+        .distances = malloc(((size_t)bundle->count + 1) * sizeof *scratch.distances),
+        .boards = malloc(((size_t)bundle->boards + 1) * sizeof *scratch.boards),
     };
     enum status status = OK;
     if (!scratch.work || !scratch.distances || !scratch.boards) {
-        status = fail(ERR_MEMORY, "no memory to calibrate with %d boards", b->boards);
+        status = fail(ERR_MEMORY, "no memory to calibrate with %d boards", bundle->boards);
     } else {
-        minimize_cost(b, &scratch);
-        if (mark_outliers(b, scratch.distances))
-            minimize_cost(b, &scratch);
-        if (!(stereo_bundle_cost(b) < 1e20))
+        minimize_cost(bundle, &scratch);
+        if (mark_outliers(bundle, scratch.distances))
+            minimize_cost(bundle, &scratch);
+        if (!(stereo_bundle_cost(bundle) < 1e20))
             status = fail(ERR_SOLVER, "the calibration did not converge");
         else if (covariance)
-            write_covariance(b, scratch.work, covariance);
+            write_covariance(bundle, scratch.work, covariance);
     }
     free(scratch.work);
     free(scratch.distances);

@@ -34,4 +34,4 @@ void stereo_bundle_move(struct stereo_bundle *bundle, int unknown, double step);
 // base/least_squares.h over all unknowns, dense, for a calibration has some dozens of boards. `covariance`, where not
 // NULL: BUNDLE_SHARED^2 doubles in the order fx, fy, cx, cy, k1, k2, p1, p2 of left and of right, turn and shift of
 // camera_from_left[1]; scaled by the residuals' variance. ERR_MEMORY, ERR_SOLVER.
-MUST_CHECK enum status stereo_bundle_solve(struct stereo_bundle *b, double *covariance);
+MUST_CHECK enum status stereo_bundle_solve(struct stereo_bundle *bundle, double *covariance);

@@ -299,21 +299,21 @@ static enum status fail_apart(const struct stereo_pairs *pairs, int agreeing, in
                 comparable - agreeing, comparable);
 }
 
-enum status stereo_pairs_agree(const struct stereo_pairs *p, struct pose *right_from_left, bool *belongs, int *agreeing,
-                               int *comparable)
+enum status stereo_pairs_agree(const struct stereo_pairs *pairs, struct pose *right_from_left, bool *belongs,
+                               int *agreeing, int *comparable)
 {
     struct proposal best;
     *comparable = 0;
-    for (int v = 0; v < p->count; v++)
-        *comparable += p->seen[0][v] && p->seen[1][v];
-    if (!best_proposal(p, 0, &best))
-        return fail_without_whole_board(p);
+    for (int v = 0; v < pairs->count; v++)
+        *comparable += pairs->seen[0][v] && pairs->seen[1][v];
+    if (!best_proposal(pairs, 0, &best))
+        return fail_without_whole_board(pairs);
     *agreeing = best.agreeing;
     if (*comparable > 1 && 2 * best.agreeing <= *comparable)
-        return fail_apart(p, best.agreeing, *comparable);
+        return fail_apart(pairs, best.agreeing, *comparable);
     *right_from_left = best.right_from_left;
-    for (int v = 0; v < p->count; v++)
-        belongs[v] = p->seen[0][v] && p->seen[1][v] &&
-                     disagreement_px(p, v, v, best.right_from_left) <= AGREE_SHARE * p->lens[0].width;
+    for (int v = 0; v < pairs->count; v++)
+        belongs[v] = pairs->seen[0][v] && pairs->seen[1][v] &&
+                     disagreement_px(pairs, v, v, best.right_from_left) <= AGREE_SHARE * pairs->lens[0].width;
     return OK;
 }

@@ -401,23 +401,24 @@ static enum pose_advice request_pose(struct advisor *advisor, enum pose_advice w
     return wanted;
 }
 
-enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const struct skeleton *s, int64_t time_ns)
+enum pose_advice advisor_next(struct advisor *advisor, const struct coverage *coverage, const struct skeleton *skeleton,
+                              int64_t time_ns)
 {
     struct surface_pose pose;
-    if (!surface_pose_of(s, &pose) || !pose.part[PART_UPPER_TORSO].known)
-        return a->last;
-    note_pose(a, &pose);
-    const struct missing m = missing_of(c, a);
+    if (!surface_pose_of(skeleton, &pose) || !pose.part[PART_UPPER_TORSO].known)
+        return advisor->last;
+    note_pose(advisor, &pose);
+    const struct missing m = missing_of(coverage, advisor);
     enum pose_advice advice = ADVICE_ENOUGH;
     if (m.turn_sum > TURN_SHARE)
-        advice = turn_advice(a, &m, coverage_facing(&pose));
-    else if (m.arms > POSE_SHARE && !a->lift_refused)
-        advice = request_pose(a, ADVICE_LIFT_ARMS, time_ns, &a->lift_refused);
-    else if (m.legs > POSE_SHARE && !a->spread_refused)
-        advice = request_pose(a, ADVICE_SPREAD_LEGS, time_ns, &a->spread_refused);
-    else if (!a->soles_refused && needs_soles(a, c))
-        advice = request_pose(a, ADVICE_SHOW_SOLES, time_ns, &a->soles_refused);
-    a->last = advice;
+        advice = turn_advice(advisor, &m, coverage_facing(&pose));
+    else if (m.arms > POSE_SHARE && !advisor->lift_refused)
+        advice = request_pose(advisor, ADVICE_LIFT_ARMS, time_ns, &advisor->lift_refused);
+    else if (m.legs > POSE_SHARE && !advisor->spread_refused)
+        advice = request_pose(advisor, ADVICE_SPREAD_LEGS, time_ns, &advisor->spread_refused);
+    else if (!advisor->soles_refused && needs_soles(advisor, coverage))
+        advice = request_pose(advisor, ADVICE_SHOW_SOLES, time_ns, &advisor->soles_refused);
+    advisor->last = advice;
     return advice;
 }
 

@@ -88,8 +88,9 @@ struct advisor {
     int soles[2]; // how often the left, the right shin lay so that its sole faced the side
 };
 
-// After each coverage_add. The answer's reason is in c: cells unseen.
-enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const struct skeleton *s, int64_t time_ns);
+// After each coverage_add. The answer's reason is in `coverage`: cells unseen.
+enum pose_advice advisor_next(struct advisor *advisor, const struct coverage *coverage, const struct skeleton *skeleton,
+                              int64_t time_ns);
 
 // ---------------------------------------------------------------- coach
 

@@ -115,12 +115,12 @@ static enum status turn_by_edges(const struct map *map, enum depth_turn *best)
     return status;
 }
 
-enum status map_check_depth_turn(const struct map *m)
+enum status map_check_depth_turn(const struct map *map)
 {
     enum depth_turn turn;
-    if (!m->has_depth || !map_depth_usable(&m->calibration))
+    if (!map->has_depth || !map_depth_usable(&map->calibration))
         return OK;
-    const enum status status = turn_by_tags(m, &turn) ? OK : turn_by_edges(m, &turn);
+    const enum status status = turn_by_tags(map, &turn) ? OK : turn_by_edges(map, &turn);
     if (status != OK || turn == DEPTH_STRAIGHT)
         return status;
     return fail(ERR_INPUT, "the depth pictures are %s against the colour pictures: film both the same way round",
@@ -131,17 +131,17 @@ enum status map_check_depth_turn(const struct map *m)
 
 enum { LENS_ROUNDS = 12 };
 
-enum status map_judge(struct map *m, struct mapper_report *report)
+enum status map_judge(struct map *map, struct mapper_report *report)
 {
     struct ba_lens fitted;
-    const enum status status = map_fit_lens(m, LENS_ROUNDS, &fitted);
+    const enum status status = map_fit_lens(map, LENS_ROUNDS, &fitted);
     if (status == ERR_SOLVER) // nothing can be told
         return OK;
     if (status != OK)
         return status;
-    lens_judge(&fitted, &m->calibration.color, &report->lens);
+    lens_judge(&fitted, &map->calibration.color, &report->lens);
     const double longer = report->lens.fault != LENS_FITS ? (fitted.focal[0] + fitted.focal[1]) / 2 : 1;
-    report->depth_ratio = m->side_ratio / longer;
+    report->depth_ratio = map->side_ratio / longer;
     return OK;
 }
 
@@ -180,24 +180,24 @@ static enum status refuse_unit(double ratio)
                 ratio);
 }
 
-enum status map_check_use(const struct map *m, const struct mapper_report *r)
+enum status map_check_use(const struct map *map, const struct mapper_report *report)
 {
     char text[LENS_TEXT_BYTES];
-    const bool far_off = m->rms_m > MAX_DEPTH_ERROR_M && m->rms_m > MAX_TIMES_NOISE * m->expected_m;
-    const bool useless = far_off || max_tags_lost(m);
-    if (r->lens.fault != LENS_FITS && (r->lens.gross || useless))
+    const bool far_off = map->rms_m > MAX_DEPTH_ERROR_M && map->rms_m > MAX_TIMES_NOISE * map->expected_m;
+    const bool useless = far_off || max_tags_lost(map);
+    if (report->lens.fault != LENS_FITS && (report->lens.gross || useless))
         return fail(ERR_INPUT,
                     "%s, and such a map is of no use: calibrate the lens, or use the calibration.json that belongs to "
                     "these pictures%s",
-                    lens_verdict_text(&r->lens, text),
-                    m->tag_count ? "; leave the list of tags as it is until then" : "");
-    if (r->depth_ratio > MAX_RATIO || (r->depth_ratio > 0 && r->depth_ratio < 1 / MAX_RATIO))
-        return refuse_unit(r->depth_ratio);
-    if (m->tag_count && far_off)
+                    lens_verdict_text(&report->lens, text),
+                    map->tag_count ? "; leave the list of tags as it is until then" : "");
+    if (report->depth_ratio > MAX_RATIO || (report->depth_ratio > 0 && report->depth_ratio < 1 / MAX_RATIO))
+        return refuse_unit(report->depth_ratio);
+    if (map->tag_count && far_off)
         return fail(ERR_INPUT,
                     "depth and tags contradict each other by %.0f mm: the depth pictures are not of the same view and "
                     "time as the colour pictures, or not on their pixels",
-                    m->rms_m * 1e3);
+                    map->rms_m * 1e3);
     return OK;
 }
 

@@ -195,21 +195,21 @@ static void set_covariance(const struct landmark_information *information, struc
         point->covariance[i] = (float)(grow * covariance[ROW[i] * 3 + COLUMN[i]]);
 }
 
-enum status map_landmark_covariances(struct map *m)
+enum status map_landmark_covariances(struct map *map)
 {
-    struct landmark_information *sums = calloc((size_t)m->point_count + 1, sizeof *sums);
+    struct landmark_information *sums = calloc((size_t)map->point_count + 1, sizeof *sums);
     if (!sums)
-        return fail(ERR_MEMORY, "no memory for the covariances of %d points", (int)m->point_count);
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+        return fail(ERR_MEMORY, "no memory for the covariances of %d points", (int)map->point_count);
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         for (int32_t n = 0; f->placed && n < f->feature_count; n++) {
             const struct map_feature *s = &f->features[n];
-            if (s->point >= m->held_points)
-                add_observation(&sums[s->point], &m->calibration.color, f, s, &m->points[s->point]);
+            if (s->point >= map->held_points)
+                add_observation(&sums[s->point], &map->calibration.color, f, s, &map->points[s->point]);
         }
     }
-    for (int32_t i = m->held_points; i < m->point_count; i++)
-        set_covariance(&sums[i], &m->points[i]);
+    for (int32_t i = map->held_points; i < map->point_count; i++)
+        set_covariance(&sums[i], &map->points[i]);
     free(sums);
     return OK;
 }
@@ -331,21 +331,21 @@ static void remove_gauge_freedom(const struct map *map, double *all, double *com
     }
 }
 
-enum status map_tag_covariances(struct map *m)
+enum status map_tag_covariances(struct map *map)
 {
-    if (!m->tag_count)
+    if (!map->tag_count)
         return OK;
-    const int n = 6 * m->tag_count;
+    const int n = 6 * map->tag_count;
     double *all = calloc((size_t)n * (size_t)n + 1, sizeof *all);
     double *common = calloc(6 * (size_t)n + 1, sizeof *common), *half = calloc(6 * (size_t)n + 1, sizeof *half);
     enum status status = all && common && half
-                             ? map_joint_tag_covariance(m, all)
-                             : fail(ERR_MEMORY, "no memory for the covariances of %d tags", (int)m->tag_count);
-    if (status == OK && !m->has_prior)
-        remove_gauge_freedom(m, all, common, half);
-    for (int32_t t = 0; t < m->tag_count && status == OK; t++) {
-        float *out = m->tags[t].covariance;
-        for (int a = 0; a < 6 && !(m->has_prior && m->tags[t].fixed); a++)
+                             ? map_joint_tag_covariance(map, all)
+                             : fail(ERR_MEMORY, "no memory for the covariances of %d tags", (int)map->tag_count);
+    if (status == OK && !map->has_prior)
+        remove_gauge_freedom(map, all, common, half);
+    for (int32_t t = 0; t < map->tag_count && status == OK; t++) {
+        float *out = map->tags[t].covariance;
+        for (int a = 0; a < 6 && !(map->has_prior && map->tags[t].fixed); a++)
             for (int b = a; b < 6; b++)
                 *out++ = (float)all[(6 * t + a) * n + 6 * t + b];
     }
@@ -589,14 +589,14 @@ static enum status adjust_all(struct map *map, const struct adjust_options *opti
     adjust_arrays_free(&a);
     return status;
 }
-enum status map_bundle_adjust(struct map *m, int rounds, bool fix_frames, double *cost)
+enum status map_bundle_adjust(struct map *map, int rounds, bool fix_frames, double *cost)
 {
-    return adjust_all(m, &(struct adjust_options){.rounds = rounds, .fix_frames = fix_frames, .cost = cost});
+    return adjust_all(map, &(struct adjust_options){.rounds = rounds, .fix_frames = fix_frames, .cost = cost});
 }
 
-enum status map_bundle_adjust_relaxed(struct map *m, int rounds, double extra_sigma_px)
+enum status map_bundle_adjust_relaxed(struct map *map, int rounds, double extra_sigma_px)
 {
-    return adjust_all(m, &(struct adjust_options){.rounds = rounds, .extra_sigma_px = extra_sigma_px});
+    return adjust_all(map, &(struct adjust_options){.rounds = rounds, .extra_sigma_px = extra_sigma_px});
 }
 
 void map_scale_depth(struct map *map, double times)
@@ -616,38 +616,39 @@ void map_scale_depth(struct map *map, double times)
     }
 }
 
-enum status map_bundle_adjust_depth_scale(struct map *m, int rounds)
+enum status map_bundle_adjust_depth_scale(struct map *map, int rounds)
 {
     double times = 1;
     bool tags = false;
-    for (int32_t i = 0; i < m->tag_count; i++)
-        tags = tags || m->tags[i].mapped;
-    enum status status = adjust_all(m, &(struct adjust_options){.rounds = rounds, .depth_scale = tags ? &times : NULL});
+    for (int32_t i = 0; i < map->tag_count; i++)
+        tags = tags || map->tags[i].mapped;
+    enum status status =
+        adjust_all(map, &(struct adjust_options){.rounds = rounds, .depth_scale = tags ? &times : NULL});
     if (status == OK && fabs(times - 1) < MAX_DEPTH_SCALE_ERROR)
-        map_scale_depth(m, times);
+        map_scale_depth(map, times);
     return status;
 }
 
-enum status map_fit_lens(struct map *m, int rounds, struct ba_lens *lens)
+enum status map_fit_lens(struct map *map, int rounds, struct ba_lens *lens)
 {
     double scale = 1;
     *lens = (struct ba_lens){.focal = {1, 1}};
     struct adjust_options options = {.rounds = rounds, .lens = lens};
-    if (map_most_observed_tag(m, true) >= 0) { // else depth alone gives the scale
+    if (map_most_observed_tag(map, true) >= 0) { // else depth alone gives the scale
         options.depth_scale = &scale;
         options.loose_depth = LOOSE_DEPTH;
     }
-    return adjust_all(m, &options);
+    return adjust_all(map, &options);
 }
 
-enum status map_bundle_adjust_subset(struct map *m, int rounds, const bool *included)
+enum status map_bundle_adjust_subset(struct map *map, int rounds, const bool *included)
 {
-    return adjust_all(m, &(struct adjust_options){.rounds = rounds, .included = included});
+    return adjust_all(map, &(struct adjust_options){.rounds = rounds, .included = included});
 }
 
-enum status map_joint_tag_covariance(struct map *m, double *tags)
+enum status map_joint_tag_covariance(struct map *map, double *tags)
 {
-    return adjust_all(m, &(struct adjust_options){.tag_covariance = tags});
+    return adjust_all(map, &(struct adjust_options){.tag_covariance = tags});
 }
 
 struct sum {

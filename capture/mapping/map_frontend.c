@@ -239,15 +239,15 @@ static enum status copy_frame(struct slot *slot, const struct calibration *calib
     return OK;
 }
 
-enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, int32_t number)
+enum status map_frontend_put(struct map_frontend *frontend, const struct frame *frame, int32_t number)
 {
-    assert(!map_frontend_full(l));
-    struct slot *s = &l->slots[l->put % SLOTS];
-    struct worker *w = &l->workers[l->put % WORKERS];
-    enum status status = copy_frame(s, &l->map->calibration, frame, number);
+    assert(!map_frontend_full(frontend));
+    struct slot *s = &frontend->slots[frontend->put % SLOTS];
+    struct worker *w = &frontend->workers[frontend->put % WORKERS];
+    enum status status = copy_frame(s, &frontend->map->calibration, frame, number);
     if (status != OK)
         return status;
-    l->put++;
+    frontend->put++;
     if (w->thread.runs)
         queue_put(w->todo, s);
     else
@@ -255,12 +255,12 @@ enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, 
     return OK;
 }
 
-enum status map_frontend_take(struct map_frontend *l, struct map_frontend_result *out)
+enum status map_frontend_take(struct map_frontend *frontend, struct map_frontend_result *out)
 {
-    if (l->taken == l->put)
+    if (frontend->taken == frontend->put)
         return NOTHING;
-    struct slot *s = &l->slots[l->taken % SLOTS];
-    struct worker *w = &l->workers[l->taken++ % WORKERS];
+    struct slot *s = &frontend->slots[frontend->taken % SLOTS];
+    struct worker *w = &frontend->workers[frontend->taken++ % WORKERS];
     if (w->thread.runs)
         s = queue_take(w->done); // the same slot, once it is done
     if (s->failure.status != OK) {

@@ -29,10 +29,10 @@ MUST_CHECK enum status map_frontend_open(struct map_frontend **out, const struct
 bool map_frontend_full(const struct map_frontend *frontend);
 
 // Copies the image. Not while full. ERR_MEMORY: the image was not put.
-MUST_CHECK enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, int32_t number);
+MUST_CHECK enum status map_frontend_put(struct map_frontend *frontend, const struct frame *frame, int32_t number);
 
 // Waits for the oldest image. NOTHING: all were taken. ERR_MEMORY, ERR_SOLVER: this image failed; it counts as taken.
-MUST_CHECK enum status map_frontend_take(struct map_frontend *l, struct map_frontend_result *out);
+MUST_CHECK enum status map_frontend_take(struct map_frontend *frontend, struct map_frontend_result *out);
 
 void map_frontend_close(struct map_frontend **l); // NULL is fine; sets *l = NULL
 

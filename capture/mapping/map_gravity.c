@@ -384,27 +384,27 @@ static double lowest_point(const struct map *map, struct vec3 up)
     return low;
 }
 
-enum status map_align_gravity(struct map *m, bool *floor)
+enum status map_align_gravity(struct map *map, bool *floor)
 {
     struct vec3 up, x, origin;
     double height = 1e9, lowest = 1e9;
-    enum status status = find_floor(m, &up, &height);
+    enum status status = find_floor(map, &up, &height);
     if (status < 0)
         return status;
     *floor = status == OK;
-    const struct map_tag *first = first_tag(m, up, &lowest);
+    const struct map_tag *first = first_tag(map, up, &lowest);
     if (first)
         axes_from_tag(first, up, &x, &origin);
     else
-        axes_from_frame(m, up, &x, &origin);
+        axes_from_frame(map, up, &x, &origin);
     if (!*floor)
-        height = first ? lowest : lowest_point(m, up);
+        height = first ? lowest : lowest_point(map, up);
     x = v3_unit(v3_sub(x, v3_scale(up, v3_dot(x, up))));
     struct vec3 y = v3_cross(up, x);
     double rotation[3][3] = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {up.x, up.y, up.z}};
     struct pose new_from_old = {quat_from_matrix(rotation), {0, 0, 0}};
     struct vec3 centre = quat_rotate(new_from_old.rotation, origin);
     new_from_old.translation = v3(-centre.x, -centre.y, -height);
-    transform_map(m, new_from_old);
+    transform_map(map, new_from_old);
     return OK;
 }

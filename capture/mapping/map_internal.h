@@ -104,23 +104,23 @@ int32_t map_most_observed_tag(const struct map *map, bool mapped);
 // From single tags to an initial pose of every tag and frame that are connected; without any tag listed, from one frame
 // by landmarks alone.
 // use_points: landmarks decide between the two planar poses of a frame.
-MUST_CHECK enum status map_bootstrap(struct map *m, bool use_points);
+MUST_CHECK enum status map_bootstrap(struct map *map, bool use_points);
 
 // Before map_bootstrap: measures the side of every new tag by its depth, and leaves out those whose listed side is
 // wrong, unless most are. ERR_MEMORY.
-MUST_CHECK enum status map_check_tag_sides(struct map *m);
+MUST_CHECK enum status map_check_tag_sides(struct map *map);
 
 // No listed tag is in any picture: ERR_INPUT with the likeliest cause. pictures_with_tag: of each number, listed or
 // not. ERR_MEMORY.
-enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_with_tag);
+enum status map_explain_no_tags(const struct map *map, const int32_t *pictures_with_tag);
 
 // Before anything of the map. ERR_INPUT: depth is mirrored or upside down against the colour, by the tags that both
 // show, or else by the edges (locate/stream_turn.h). ERR_MEMORY.
-MUST_CHECK enum status map_check_depth_turn(const struct map *m);
+MUST_CHECK enum status map_check_depth_turn(const struct map *map);
 // Once the map no longer moves: the lens, and depth against the list of tags. ERR_MEMORY, ERR_SOLVER.
-MUST_CHECK enum status map_judge(struct map *m, struct mapper_report *report);
+MUST_CHECK enum status map_judge(struct map *map, struct mapper_report *report);
 // ERR_INPUT, with the likeliest cause: the map is of no use.
-MUST_CHECK enum status map_check_use(const struct map *m, const struct mapper_report *report);
+MUST_CHECK enum status map_check_use(const struct map *map, const struct mapper_report *report);
 
 // After map_bootstrap: tags that the sweep shows in two positions are no longer mapped.
 void map_remove_outlier_tags(struct map *map);
@@ -129,20 +129,20 @@ void map_remove_outlier_tags(struct map *map);
 // Frames, tags and landmarks together.
 // fix_frames: only the tags move, and landmarks are left out. *cost: the final robust cost, the sum of whitened squared
 // residuals; or NULL.
-MUST_CHECK enum status map_bundle_adjust(struct map *m, int rounds, bool fix_frames, double *cost);
+MUST_CHECK enum status map_bundle_adjust(struct map *map, int rounds, bool fix_frames, double *cost);
 // With the standard deviation of landmark observations larger by extra_sigma_px: for initial poses that are so far off.
-MUST_CHECK enum status map_bundle_adjust_relaxed(struct map *m, int rounds, double extra_sigma_px);
+MUST_CHECK enum status map_bundle_adjust_relaxed(struct map *map, int rounds, double extra_sigma_px);
 // Where tags give the scale: the common scale error of all depth is estimated as well, and corrected.
-MUST_CHECK enum status map_bundle_adjust_depth_scale(struct map *m, int rounds);
+MUST_CHECK enum status map_bundle_adjust_depth_scale(struct map *map, int rounds);
 // Only with the landmarks for which included[point]; the others move rigidly with the first frame that shows them.
-MUST_CHECK enum status map_bundle_adjust_subset(struct map *m, int rounds, const bool *included);
+MUST_CHECK enum status map_bundle_adjust_subset(struct map *map, int rounds, const bool *included);
 // The lens that fits best, with everything else free; the map stays as it is.
-MUST_CHECK enum status map_fit_lens(struct map *m, int rounds, struct ba_lens *lens);
+MUST_CHECK enum status map_fit_lens(struct map *map, int rounds, struct ba_lens *lens);
 // Corrects all depth by a factor.
 void map_scale_depth(struct map *map, double times);
 // The joint covariance of all tags at their present poses. tags: 6 tag_count on a side, row-major; each tag's six
 // numbers are in its own axes, rotation (rad), then translation (m), as bundle_adjustment.h has them.
-MUST_CHECK enum status map_joint_tag_covariance(struct map *m, double *tags);
+MUST_CHECK enum status map_joint_tag_covariance(struct map *map, double *tags);
 // Sets rms_px, rms_m, and each tag's rms_px and observations.
 void map_compute_residuals(struct map *map);
 
@@ -176,49 +176,49 @@ void map_assign_matches(struct map_frame *frame, const struct map_scratch *scrat
 // Features without a landmark become landmarks, where their depth is measured or can be triangulated.
 void map_create_landmarks(struct map *map, struct map_frame *frame);
 // Matches landmarks from placed frame to placed frame and refines the frames' poses.
-MUST_CHECK enum status map_build_landmarks(struct map *m);
+MUST_CHECK enum status map_build_landmarks(struct map *map);
 // Matches all landmarks in all frames again and adjusts everything, twice. The `max` best new landmarks are kept, each
 // with its medoid descriptor.
-MUST_CHECK enum status map_refine_landmarks(struct map *m, int32_t max);
+MUST_CHECK enum status map_refine_landmarks(struct map *map, int32_t max);
 
 // Sets triangulated_depth of the features of a placed frame, from the other placed frames.
 void map_triangulate(const struct map *map, struct map_frame *frame);
 // Removes the observations of new landmarks that were seen from nearly one direction only. ERR_MEMORY.
-MUST_CHECK enum status map_cull_low_parallax(struct map *m);
+MUST_CHECK enum status map_cull_low_parallax(struct map *map);
 
 // ---- map_bundle_adjust.c: once the map no longer moves
 // The covariance and mean viewing direction of each new landmark. ERR_MEMORY.
-MUST_CHECK enum status map_landmark_covariances(struct map *m);
+MUST_CHECK enum status map_landmark_covariances(struct map *map);
 // The covariance of each new tag.
-MUST_CHECK enum status map_tag_covariances(struct map *m);
+MUST_CHECK enum status map_tag_covariances(struct map *map);
 
 // ---- map_registration.c: frames registered by landmarks
 // Decides between the two planar poses of frames by their landmarks. *placed: how many frames.
-MUST_CHECK enum status map_resolve_ambiguous_poses(struct map *m, int *placed);
+MUST_CHECK enum status map_resolve_ambiguous_poses(struct map *map, int *placed);
 // Registers frames that show no tag of the map: tracking from a neighbour's pose, else relocalisation in the whole map;
 // each adds its landmarks. *placed: how many frames.
-MUST_CHECK enum status map_register_frames(struct map *m, int *placed);
+MUST_CHECK enum status map_register_frames(struct map *map, int *placed);
 // Without tags: the frame with most depth fixes the gauge, its features become the map.
-MUST_CHECK enum status map_init_from_depth(struct map *m);
+MUST_CHECK enum status map_init_from_depth(struct map *map);
 
 // ---- map_registration.c: an existing place, held constant while a sweep adds to it
 // The tags listed, and the tags and landmarks of the place, which are constant. Fills tags, points and their counts.
-MUST_CHECK enum status map_load_prior(struct map *m, const struct place *prior, const struct mapper_tag *tags,
+MUST_CHECK enum status map_load_prior(struct map *map, const struct place *prior, const struct mapper_tag *tags,
                                       int32_t tag_count);
 // Tags of the place that contradict its landmarks and other tags are estimated from scratch, as if they were new.
 // ERR_MEMORY.
-MUST_CHECK enum status map_release_moved_tags(struct map *m);
+MUST_CHECK enum status map_release_moved_tags(struct map *map);
 // ERR_INPUT: the sweep shows nothing of the place.
-MUST_CHECK enum status map_check_overlap(const struct map *m);
+MUST_CHECK enum status map_check_overlap(const struct map *map);
 // After map_compute_residuals: adds the observations of earlier sweeps.
 void map_merge_residuals(struct map *map, const struct place *prior);
 // Copies of the earlier sweeps' views. ERR_MEMORY.
 MUST_CHECK enum status map_copy_prior_views(const struct place *prior, struct place *out);
 
 // Landmarks that are in the map twice, because the sweep came back to them, become one; then everything is adjusted.
-MUST_CHECK enum status map_close_loops(struct map *m);
+MUST_CHECK enum status map_close_loops(struct map *map);
 
 // Rotates and shifts the world so that z is up, z = 0 the floor, x along the x axis of the tag with the lowest number;
 // without tags, x to the right of the first placed frame's view and the origin below it. *floor: the floor was fitted
 // to depth.
-MUST_CHECK enum status map_align_gravity(struct map *m, bool *floor);
+MUST_CHECK enum status map_align_gravity(struct map *map, bool *floor);

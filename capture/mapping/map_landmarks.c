@@ -118,31 +118,31 @@ void map_triangulate(const struct map *map, struct map_frame *frame)
             matches[i].other_bits - matches[i].bits > MARGIN_BITS ? matches[i].depth : 0;
 }
 
-enum status map_cull_low_parallax(struct map *m)
+enum status map_cull_low_parallax(struct map *map)
 {
-    struct vec3 *first = calloc((size_t)m->point_count + 1, sizeof *first); // direction of the first observation
-    double *min = malloc(sizeof *min * ((size_t)m->point_count + 1));       // least cosine between that and any other
-    enum status status = first && min ? OK : fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
-    for (int32_t i = 0; i < m->point_count && status == OK; i++)
+    struct vec3 *first = calloc((size_t)map->point_count + 1, sizeof *first); // direction of the first observation
+    double *min = malloc(sizeof *min * ((size_t)map->point_count + 1));       // least cosine between that and any other
+    enum status status = first && min ? OK : fail(ERR_MEMORY, "no memory to check %d points", (int)map->point_count);
+    for (int32_t i = 0; i < map->point_count && status == OK; i++)
         min[i] = 1;
-    for (int32_t i = 0; i < m->frame_count && status == OK; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count && status == OK; i++) {
+        const struct map_frame *f = &map->frames[i];
         const struct vec3 eye = pose_inverse(f->camera_from_world).translation;
         for (int32_t k = 0; k < f->feature_count; k++) {
             const int32_t point = f->placed ? f->features[k].point : -1;
             if (point < 0)
                 continue;
-            const struct vec3 way = v3_unit(v3_sub(m->points[point].world, eye));
+            const struct vec3 way = v3_unit(v3_sub(map->points[point].world, eye));
             if (v3_dot(first[point], first[point]) > 0)
                 min[point] = fmin(min[point], v3_dot(first[point], way));
             else
                 first[point] = way;
         }
     }
-    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
-            struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= m->held_points && !(min[s->point] < cos(MIN_PARALLAX)))
+    for (int32_t i = 0; i < map->frame_count && status == OK; i++)
+        for (int32_t k = 0; k < map->frames[i].feature_count; k++) {
+            struct map_feature *s = &map->frames[i].features[k];
+            if (s->point >= map->held_points && !(min[s->point] < cos(MIN_PARALLAX)))
                 s->point = -1;
         }
     free(first);
@@ -271,30 +271,30 @@ static void loop_scratch_free(struct loop_scratch *scratch)
     free(scratch);
 }
 
-enum status map_close_loops(struct map *m)
+enum status map_close_loops(struct map *map)
 {
     // From loose to tight, so that a gap of many pixels is not taken for an outlier. Chosen by hand.
     static const double EXTRA_SIGMA_PX[] = {30, 10, 3, 0};
     struct loop_scratch *d = calloc(1, sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to close the loops of a sweep");
-    enum status status = loop_scratch_alloc(d, m);
+    enum status status = loop_scratch_alloc(d, map);
     int matched = 0;
-    for (int32_t i = 0; i < m->point_count && status == OK; i++)
+    for (int32_t i = 0; i < map->point_count && status == OK; i++)
         d->merged_into[i] = i;
-    for (int32_t i = 0; i < m->frame_count && status == OK; i++) {
-        if (!m->frames[i].placed)
+    for (int32_t i = 0; i < map->frame_count && status == OK; i++) {
+        if (!map->frames[i].placed)
             continue;
-        mark_covisible(m, &m->frames[i], d);
-        select_old_points(m, &m->frames[i], d);
+        mark_covisible(map, &map->frames[i], d);
+        select_old_points(map, &map->frames[i], d);
         if (d->count >= MIN_INLIERS)
-            matched += match_old_points(m, &m->frames[i], d);
+            matched += match_old_points(map, &map->frames[i], d);
     }
     if (matched)
-        apply_merges(m, d->merged_into);
+        apply_merges(map, d->merged_into);
     loop_scratch_free(d);
     for (size_t i = 0; i < COUNT_OF(EXTRA_SIGMA_PX) && status == OK && matched; i++)
-        status = map_bundle_adjust_relaxed(m, CLOSURE_ROUNDS, EXTRA_SIGMA_PX[i]);
+        status = map_bundle_adjust_relaxed(map, CLOSURE_ROUNDS, EXTRA_SIGMA_PX[i]);
     return status;
 }
 
@@ -587,21 +587,21 @@ static enum status adjust_subset(struct map *map)
     return status;
 }
 
-enum status map_build_landmarks(struct map *m)
+enum status map_build_landmarks(struct map *map)
 {
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map landmarks");
-    int32_t start = best_frame(m);
-    for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
-        if (m->frames[i].placed && !m->frames[i].visited)
-            add_frame_landmarks(m, d, &m->frames[i]);
+    int32_t start = best_frame(map);
+    for (int32_t i = start; start >= 0 && i < map->frame_count; i++)
+        if (map->frames[i].placed && !map->frames[i].visited)
+            add_frame_landmarks(map, d, &map->frames[i]);
     for (int32_t i = start - 1; i >= 0; i--)
-        if (m->frames[i].placed && !m->frames[i].visited)
-            add_frame_landmarks(m, d, &m->frames[i]);
-    cull_outliers(m);
+        if (map->frames[i].placed && !map->frames[i].visited)
+            add_frame_landmarks(map, d, &map->frames[i]);
+    cull_outliers(map);
     free(d);
-    return adjust_subset(m);
+    return adjust_subset(map);
 }
 
 // Keeps the constant landmarks, and of the others the `max` with most observations. ERR_MEMORY.
@@ -672,32 +672,32 @@ static enum status select_descriptors(struct map *map)
     return status;
 }
 
-enum status map_refine_landmarks(struct map *m, int32_t max)
+enum status map_refine_landmarks(struct map *map, int32_t max)
 {
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map landmarks");
-    enum status status = merge_duplicates(m);
+    enum status status = merge_duplicates(map);
     for (int round = 0; round < 2 && status == OK; round++) {
-        rematch_all(m, d);
-        if (!m->has_depth)
-            status = map_cull_low_parallax(m);
-        cull_outliers(m);
+        rematch_all(map, d);
+        if (!map->has_depth)
+            status = map_cull_low_parallax(map);
+        cull_outliers(map);
         if (status == OK)
-            status = keep_best(m, max);
+            status = keep_best(map, max);
         if (status == OK)
-            status = round ? map_bundle_adjust(m, REFINE_ROUNDS, false, NULL)
-                           : map_bundle_adjust_depth_scale(m, REFINE_ROUNDS);
+            status = round ? map_bundle_adjust(map, REFINE_ROUNDS, false, NULL)
+                           : map_bundle_adjust_depth_scale(map, REFINE_ROUNDS);
     }
-    cull_outliers(m);
-    if (!m->has_depth && status == OK)
-        status = cull_inconsistent(m);
-    if (!m->has_depth && status == OK) // without the observations just removed
-        status = map_bundle_adjust(m, REFINE_ROUNDS, false, NULL);
+    cull_outliers(map);
+    if (!map->has_depth && status == OK)
+        status = cull_inconsistent(map);
+    if (!map->has_depth && status == OK) // without the observations just removed
+        status = map_bundle_adjust(map, REFINE_ROUNDS, false, NULL);
     if (status == OK)
-        status = keep_best(m, max);
+        status = keep_best(map, max);
     if (status == OK)
-        status = select_descriptors(m);
+        status = select_descriptors(map);
     free(d);
     return status;
 }

@@ -212,28 +212,29 @@ static enum status init_from_tag(struct map *map)
     return OK;
 }
 
-enum status map_bootstrap(struct map *m, bool use_points)
+enum status map_bootstrap(struct map *map, bool use_points)
 {
-    m->fixed_frame = -1;
-    if (!m->tag_count)
-        return bootstrap_from_landmarks(m);
-    enum status started = m->has_prior ? OK : init_from_tag(m);
+    map->fixed_frame = -1;
+    if (!map->tag_count)
+        return bootstrap_from_landmarks(map);
+    enum status started = map->has_prior ? OK : init_from_tag(map);
     if (started != OK)
         return started;
     for (;;) {
-        enum status status = grow_unambiguous(m);
+        enum status status = grow_unambiguous(map);
         int placed = 0;
         if (status == OK && use_points)
-            status = map_build_landmarks(m);
+            status = map_build_landmarks(map);
         if (status == OK && use_points)
-            status = map_resolve_ambiguous_poses(m, &placed);
+            status = map_resolve_ambiguous_poses(map, &placed);
         if (status == OK && use_points && !placed)
-            status = map_register_frames(m, &placed);
+            status = map_register_frames(map, &placed);
         if (status != OK)
             return status;
         // The better of two planar poses is accepted only when nothing else can be placed.
-        if (!placed && !place_frames(m, true))
-            return use_points ? OK : map_bundle_adjust(m, ROUNDS, false, NULL); // else map_refine_landmarks adjusts all
+        if (!placed && !place_frames(map, true))
+            return use_points ? OK
+                              : map_bundle_adjust(map, ROUNDS, false, NULL); // else map_refine_landmarks adjusts all
     }
 }
 
@@ -262,30 +263,30 @@ static enum status add_merged_tag(struct map *map, int32_t id, double side_m)
                : fail(ERR_INPUT, "tag %d is not of the family tag36h11, which ends at %d", (int)id, TAG_ID_COUNT - 1);
 }
 
-enum status map_load_prior(struct map *m, const struct place *prior, const struct mapper_tag *tags, int32_t tag_count)
+enum status map_load_prior(struct map *map, const struct place *prior, const struct mapper_tag *tags, int32_t tag_count)
 {
     int32_t old_tags = prior ? prior->tag_count : 0, old_points = prior ? prior->point_count : 0;
-    m->has_prior = prior != NULL;
-    m->point_capacity = old_points + MAP_MAX_CANDIDATES;
-    m->tags = calloc((size_t)(old_tags + tag_count) + 1, sizeof *m->tags);
-    m->points = malloc((size_t)m->point_capacity * sizeof *m->points);
-    m->point_observations = calloc((size_t)m->point_capacity, sizeof *m->point_observations);
-    if (!m->tags || !m->points || !m->point_observations)
+    map->has_prior = prior != NULL;
+    map->point_capacity = old_points + MAP_MAX_CANDIDATES;
+    map->tags = calloc((size_t)(old_tags + tag_count) + 1, sizeof *map->tags);
+    map->points = malloc((size_t)map->point_capacity * sizeof *map->points);
+    map->point_observations = calloc((size_t)map->point_capacity, sizeof *map->point_observations);
+    if (!map->tags || !map->points || !map->point_observations)
         return fail(ERR_MEMORY, "no memory to map a place");
     enum status status = OK;
     for (int32_t i = 0; i < old_tags && status == OK; i++) {
-        status = add_merged_tag(m, prior->tags[i].id, prior->tags[i].side_m);
-        if (status == OK && m->tag_count == i)
+        status = add_merged_tag(map, prior->tags[i].id, prior->tags[i].side_m);
+        if (status == OK && map->tag_count == i)
             status = fail(ERR_INPUT, "the place has tag %d twice", (int)prior->tags[i].id);
-        m->tags[i].world_from_tag = prior->tags[i].world_from_tag;
-        memcpy(m->tags[i].covariance, prior->tags[i].covariance, sizeof m->tags[i].covariance);
-        m->tags[i].mapped = m->tags[i].fixed = true;
+        map->tags[i].world_from_tag = prior->tags[i].world_from_tag;
+        memcpy(map->tags[i].covariance, prior->tags[i].covariance, sizeof map->tags[i].covariance);
+        map->tags[i].mapped = map->tags[i].fixed = true;
     }
     for (int32_t i = 0; i < tag_count && status == OK; i++)
-        status = add_merged_tag(m, tags[i].id, tags[i].side_m);
+        status = add_merged_tag(map, tags[i].id, tags[i].side_m);
     if (old_points)
-        memcpy(m->points, prior->points, (size_t)old_points * sizeof *m->points);
-    m->point_count = m->held_points = old_points;
+        memcpy(map->points, prior->points, (size_t)old_points * sizeof *map->points);
+    map->point_count = map->held_points = old_points;
     return status;
 }
 
@@ -314,38 +315,38 @@ static bool register_by_consensus(const struct map *map, struct map_scratch *scr
     return true;
 }
 
-enum status map_release_moved_tags(struct map *m)
+enum status map_release_moved_tags(struct map *map)
 {
     int votes[MAPPER_MAX_TAGS] = {0}; // frames in which the tag is where it was, less those where it is not
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to look for tags that were moved");
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        const struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
         struct pnp_tag tags[PNP_MAX_TAGS];
         struct pose pose;
-        int count = map_tag_correspondences(m, f, tags), at = 0;
-        if (!count || !register_by_consensus(m, d, f, tags, count, &pose))
+        int count = map_tag_correspondences(map, f, tags), at = 0;
+        if (!count || !register_by_consensus(map, d, f, tags, count, &pose))
             continue;
         for (int32_t k = 0; k < f->seen_count && at < count; k++) // in the order of map_tag_correspondences
-            if (m->tags[f->tag_index[k]].mapped)
-                votes[m->tags[f->tag_index[k]].id] +=
+            if (map->tags[f->tag_index[k]].mapped)
+                votes[map->tags[f->tag_index[k]].id] +=
                     pnp_tag_rms(&tags[at++], NULL, &pose, lens->fx, lens->fy) < INLIER_RMS_PX ? 1 : -1;
     }
     free(d);
-    for (int32_t t = 0; t < m->tag_count; t++)
-        if (m->tags[t].fixed && votes[m->tags[t].id] < 0) {
-            m->tags[t].moved = true;
-            m->tags[t].fixed = m->tags[t].mapped = false;
+    for (int32_t t = 0; t < map->tag_count; t++)
+        if (map->tags[t].fixed && votes[map->tags[t].id] < 0) {
+            map->tags[t].moved = true;
+            map->tags[t].fixed = map->tags[t].mapped = false;
         }
     return OK;
 }
 
-enum status map_check_overlap(const struct map *m)
+enum status map_check_overlap(const struct map *map)
 {
-    for (int32_t i = 0; i < m->frame_count; i++)
-        if (m->frames[i].placed)
+    for (int32_t i = 0; i < map->frame_count; i++)
+        if (map->frames[i].placed)
             return OK;
     return fail(ERR_INPUT, "the sweep shows nothing that is in the place already, so it cannot be registered to it; "
                            "begin it where the place is known, with its tags or much of what was filmed in sight");
@@ -409,26 +410,26 @@ enum status map_copy_prior_views(const struct place *prior, struct place *out)
 
 // ---------------------------------------------------------------- map registration
 
-enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
+enum status map_resolve_ambiguous_poses(struct map *map, int *placed)
 {
     struct map_scratch *d = malloc(sizeof *d);
-    const struct lens *lens = &m->calibration.color;
+    const struct lens *lens = &map->calibration.color;
     *placed = 0;
     if (!d)
         return fail(ERR_MEMORY, "no memory to map landmarks");
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        struct map_frame *f = &map->frames[i];
         struct pnp_tag tags[PNP_MAX_TAGS];
         struct pnp_solution fit;
         if (f->placed)
             continue;
-        int count = map_tag_correspondences(m, f, tags), agree[2] = {0, 0};
+        int count = map_tag_correspondences(map, f, tags), agree[2] = {0, 0};
         const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
         if (!count || pnp_solve(&problem, 4, &fit) != AMBIGUOUS)
             continue;
         struct pose pose[2] = {fit.camera_from_world, fit.other};
-        map_index_features(d, m, f);
-        const struct match_query query = map_match_query(m, d, tags, count);
+        map_index_features(d, map, f);
+        const struct match_query query = map_match_query(map, d, tags, count);
         for (int k = 0; k < 2; k++)
             if (!landmarks_refine_pose(&query, NULL, &pose[k], d->matches, MAP_MAX_FEATURES, &agree[k]))
                 agree[k] = 0;
@@ -507,7 +508,7 @@ static enum status register_pass(struct map *map, struct map_scratch *scratch, i
     return status;
 }
 
-enum status map_register_frames(struct map *m, int *placed)
+enum status map_register_frames(struct map *map, int *placed)
 {
     struct map_scratch *d = malloc(sizeof *d);
     enum status status = OK;
@@ -517,35 +518,35 @@ enum status map_register_frames(struct map *m, int *placed)
         return fail(ERR_MEMORY, "no memory to map landmarks");
     do {
         before = *placed;
-        status = register_pass(m, d, 1, placed);
+        status = register_pass(map, d, 1, placed);
         if (status == OK)
-            status = register_pass(m, d, -1, placed);
-        for (int32_t i = 0; i < m->frame_count && status == OK && *placed == before; i++)
-            if (!m->frames[i].placed && relocalize_frame(m, d, &m->frames[i]))
-                status = count_placed(m, placed);
+            status = register_pass(map, d, -1, placed);
+        for (int32_t i = 0; i < map->frame_count && status == OK && *placed == before; i++)
+            if (!map->frames[i].placed && relocalize_frame(map, d, &map->frames[i]))
+                status = count_placed(map, placed);
     } while (status == OK && *placed > before);
     free(d);
     return status;
 }
 
-enum status map_init_from_depth(struct map *m)
+enum status map_init_from_depth(struct map *map)
 {
     int max = 0;
-    for (int32_t i = 0; i < m->frame_count; i++) {
+    for (int32_t i = 0; i < map->frame_count; i++) {
         int count = 0;
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
-            count += m->frames[i].features[k].depth > 0;
+        for (int32_t k = 0; k < map->frames[i].feature_count; k++)
+            count += map->frames[i].features[k].depth > 0;
         if (count > max) {
             max = count;
-            m->fixed_frame = i;
+            map->fixed_frame = i;
         }
     }
     if (max < MIN_INLIERS)
         return fail(ERR_INPUT, "no picture shows enough that can be recognised and has depth; film a place with "
                                "things in it, in good light, or hang tags and list them");
-    struct map_frame *f = &m->frames[m->fixed_frame];
+    struct map_frame *f = &map->frames[map->fixed_frame];
     f->placed = f->visited = true;
     f->camera_from_world = POSE_IDENTITY;
-    map_create_landmarks(m, f);
+    map_create_landmarks(map, f);
     return OK;
 }

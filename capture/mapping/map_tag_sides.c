@@ -121,33 +121,33 @@ static void forget_observations(struct map_frame *frame, int32_t tag)
     frame->seen_count = kept;
 }
 
-enum status map_check_tag_sides(struct map *m)
+enum status map_check_tag_sides(struct map *map)
 {
-    double *sigma = calloc((size_t)m->tag_count + 1, sizeof *sigma);
+    double *sigma = calloc((size_t)map->tag_count + 1, sizeof *sigma);
     if (!sigma)
-        return fail(ERR_MEMORY, "no memory to measure %d tags", (int)m->tag_count);
-    for (int32_t t = 0; t < m->tag_count; t++)
-        if (!side_of_tag(m, t, &m->tags[t].measured_side_m, &sigma[t]))
-            m->tags[t].measured_side_m = 0;
+        return fail(ERR_MEMORY, "no memory to measure %d tags", (int)map->tag_count);
+    for (int32_t t = 0; t < map->tag_count; t++)
+        if (!side_of_tag(map, t, &map->tags[t].measured_side_m, &sigma[t]))
+            map->tags[t].measured_side_m = 0;
     // What most tags agree on is the sensor's scale, unless no sensor is so wrong: then it is the list's, as when the
     // printer scaled the pages, or depth is in another unit, or the lens is another one. There would be too little left
     // to map by, so that these tags stay, and depth is fitted to them: which of the three it is shows in the map.
-    m->side_ratio = common_ratio(m);
-    const double ratio = m->side_ratio > 0 ? m->side_ratio : 1;
+    map->side_ratio = common_ratio(map);
+    const double ratio = map->side_ratio > 0 ? map->side_ratio : 1;
     const bool list_is_wrong = fabs(ratio - 1) > WRONG_SHARE;
     const double scale = list_is_wrong ? 1 : ratio;
-    m->list_is_wrong = list_is_wrong;
-    for (int32_t t = 0; t < m->tag_count; t++) {
-        struct map_tag *tag = &m->tags[t];
+    map->list_is_wrong = list_is_wrong;
+    for (int32_t t = 0; t < map->tag_count; t++) {
+        struct map_tag *tag = &map->tags[t];
         const double off = fabs(tag->measured_side_m / (scale * tag->side_m) - 1),
                      max = WRONG_SHARE + (list_is_wrong ? 0 : SIGMAS * sigma[t] / tag->side_m);
         tag->wrong = tag->measured_side_m > 0 && !tag->mapped && off > max; // an earlier sweep's are constants
         tag->measured_side_m /= scale;
-        for (int32_t i = 0; i < m->frame_count && tag->wrong && !list_is_wrong; i++)
-            forget_observations(&m->frames[i], t);
+        for (int32_t i = 0; i < map->frame_count && tag->wrong && !list_is_wrong; i++)
+            forget_observations(&map->frames[i], t);
     }
     if (list_is_wrong)
-        map_scale_depth(m, 1 / ratio);
+        map_scale_depth(map, 1 / ratio);
     free(sigma);
     return OK;
 }

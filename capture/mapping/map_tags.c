@@ -292,17 +292,17 @@ static int other_family(const struct looked *looked)
     return best;
 }
 
-enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_with_tag)
+enum status map_explain_no_tags(const struct map *map, const int32_t *pictures_with_tag)
 {
     struct looked looked = {0};
     int32_t unlisted = -1, twice = -1, others = 0;
-    const enum status status = look_again(m, &looked);
+    const enum status status = look_again(map, &looked);
     if (status != OK)
         return status;
     for (int32_t id = TAG_ID_COUNT - 1; id >= 0; id--) {
-        if (pictures_with_tag[id] > 0 && is_listed(m, id))
+        if (pictures_with_tag[id] > 0 && is_listed(map, id))
             twice = id;
-        if (pictures_with_tag[id] > 1 && !is_listed(m, id)) {
+        if (pictures_with_tag[id] > 1 && !is_listed(map, id)) {
             unlisted = id;
             others++;
         }

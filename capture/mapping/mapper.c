@@ -240,17 +240,17 @@ static enum status take_frame(struct mapper *mapper)
     return status;
 }
 
-enum status mapper_add(struct mapper *m, const struct frame *frame)
+enum status mapper_add(struct mapper *mapper, const struct frame *frame)
 {
     if (!frame->color)
         return OK;
-    int32_t number = m->frames_seen++;
+    int32_t number = mapper->frames_seen++;
     // The plan needs neighbouring images to follow the sensor, however long the sweep.
-    const int32_t stride = m->sweep && m->stride > PLAN_STRIDE ? PLAN_STRIDE : m->stride;
+    const int32_t stride = mapper->sweep && mapper->stride > PLAN_STRIDE ? PLAN_STRIDE : mapper->stride;
     if (number % stride)
         return OK;
-    enum status status = map_frontend_full(m->frontend) ? take_frame(m) : OK;
-    return status == OK ? map_frontend_put(m->frontend, frame, number) : status;
+    enum status status = map_frontend_full(mapper->frontend) ? take_frame(mapper) : OK;
+    return status == OK ? map_frontend_put(mapper->frontend, frame, number) : status;
 }
 
 void mapper_get_progress(const struct mapper *mapper, struct mapper_progress *out)
@@ -424,56 +424,56 @@ static enum status export_place(struct mapper *mapper, struct place *out)
     return status;
 }
 
-enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report)
+enum status mapper_finish(struct mapper *mapper, struct place *out, struct mapper_report *report)
 {
     *out = (struct place){0};
     *report = (struct mapper_report){0};
     enum status status;
     do
-        status = take_frame(m);
+        status = take_frame(mapper);
     while (status == OK);
     if (status < 0)
         return status;
-    if (!m->map.frame_count)
+    if (!mapper->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
-    const struct place *prior = m->options.prior;
-    if (m->map.tag_count && !prior && map_most_observed_tag(&m->map, false) < 0) {
-        report_tags(m, report);
-        return map_explain_no_tags(&m->map, m->frames_with_tag);
+    const struct place *prior = mapper->options.prior;
+    if (mapper->map.tag_count && !prior && map_most_observed_tag(&mapper->map, false) < 0) {
+        report_tags(mapper, report);
+        return map_explain_no_tags(&mapper->map, mapper->frames_with_tag);
     }
-    status = map_check_depth_turn(&m->map);
+    status = map_check_depth_turn(&mapper->map);
     if (status == OK)
-        status = map_check_tag_sides(&m->map);
+        status = map_check_tag_sides(&mapper->map);
     if (status == OK && prior)
-        status = map_release_moved_tags(&m->map);
+        status = map_release_moved_tags(&mapper->map);
     if (status == OK)
-        status = map_bootstrap(&m->map, m->options.max_points > 0);
+        status = map_bootstrap(&mapper->map, mapper->options.max_points > 0);
     if (status == OK && prior)
-        status = map_check_overlap(&m->map);
+        status = map_check_overlap(&mapper->map);
     if (status == OK)
-        map_remove_outlier_tags(&m->map);
-    if (status == OK && m->options.max_points)
-        status = map_refine_landmarks(&m->map, m->options.max_points);
+        map_remove_outlier_tags(&mapper->map);
+    if (status == OK && mapper->options.max_points)
+        status = map_refine_landmarks(&mapper->map, mapper->options.max_points);
     if (status == OK)
-        map_compute_residuals(&m->map);
+        map_compute_residuals(&mapper->map);
     if (status == OK)
-        status = map_judge(&m->map, report);
+        status = map_judge(&mapper->map, report);
     if (status == OK)
-        status = map_check_use(&m->map, report);
+        status = map_check_use(&mapper->map, report);
     if (status == OK && prior) {
-        map_merge_residuals(&m->map, prior);
+        map_merge_residuals(&mapper->map, prior);
         report->floor_from_depth = true;
     } else if (status == OK) {
-        status = map_align_gravity(&m->map, &report->floor_from_depth);
+        status = map_align_gravity(&mapper->map, &report->floor_from_depth);
     }
     if (status == OK)
-        status = map_landmark_covariances(&m->map);
+        status = map_landmark_covariances(&mapper->map);
     if (status == OK)
-        status = map_tag_covariances(&m->map);
+        status = map_tag_covariances(&mapper->map);
     if (status == OK)
-        status = export_place(m, out);
-    report_tags(m, report);
-    report_longest_gap(&m->map, report);
+        status = export_place(mapper, out);
+    report_tags(mapper, report);
+    report_longest_gap(&mapper->map, report);
     return status;
 }
 

@@ -61,7 +61,7 @@ MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration
 // Of a long sweep every second, fourth ... frame is kept, so that memory is bounded; and of a sensor that stands still
 // only some.
 // ERR_MEMORY, ERR_SOLVER, which may be an earlier frame's: it and this frame are left out, the mapper stays usable.
-MUST_CHECK enum status mapper_add(struct mapper *m, const struct frame *frame);
+MUST_CHECK enum status mapper_add(struct mapper *mapper, const struct frame *frame);
 
 // What a sweep has shown so far, for the person who carries the sensor. Of the images that were examined already.
 struct mapper_progress {
@@ -109,7 +109,7 @@ struct mapper_report {
 // recognise; with `prior`: nothing of it was seen; tags, depth and lens contradict each other so much that the map
 // would be of no use (the message names the likeliest cause). ERR_MEMORY, ERR_SOLVER. On error *out is zeroed. Call it
 // once.
-MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
+MUST_CHECK enum status mapper_finish(struct mapper *mapper, struct place *out, struct mapper_report *report);
 
 // After mapper_finish: where the camera was at a frame of the sweep, in the place's world. False: that frame was not
 // used, or it could not be placed.
