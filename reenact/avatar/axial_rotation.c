@@ -408,19 +408,19 @@ static void smooth_angles(const struct axial_rotation *rotation, int bone, const
     }
 }
 
-enum status axial_rotation_apply(const struct axial_rotation *t, const double *time_s,
+enum status axial_rotation_apply(const struct axial_rotation *rotation, const double *time_s,
                                  struct bone_corrections *frame_corrections)
 {
-    double(*forward)[ANGLES] = malloc(sizeof *forward * (size_t)t->frames);
-    double *angle = malloc(sizeof *angle * (size_t)t->frames);
+    double(*forward)[ANGLES] = malloc(sizeof *forward * (size_t)rotation->frames);
+    double *angle = malloc(sizeof *angle * (size_t)rotation->frames);
     enum status status = forward && angle ? OK : fail(ERR_MEMORY, "no memory for the bones' axial rotation");
     for (int b = 0; b < BONE_COUNT && status == OK; b++) {
-        if (!t->samples[b].count)
+        if (!rotation->samples[b].count)
             continue;
-        smooth_angles(t, b, time_s, forward, angle);
-        for (int i = 0; i < t->frames; i++)
+        smooth_angles(rotation, b, time_s, forward, angle);
+        for (int i = 0; i < rotation->frames; i++)
             frame_corrections[i].bone[b] =
-                pose_multiply(frame_corrections[i].bone[b], axial_pose(t->bind_pose, b, angle[i]));
+                pose_multiply(frame_corrections[i].bone[b], axial_pose(rotation->bind_pose, b, angle[i]));
     }
     free(forward);
     free(angle);

@@ -41,5 +41,5 @@ void axial_rotation_measure(struct axial_rotation *rotation, int i, const struct
 
 // Once all are measured: rotates the corrections of each frame. time_s: of each frame, increasing. ERR_MEMORY; the
 // corrections are unchanged then.
-MUST_CHECK enum status axial_rotation_apply(const struct axial_rotation *t, const double *time_s,
+MUST_CHECK enum status axial_rotation_apply(const struct axial_rotation *rotation, const double *time_s,
                                             struct bone_corrections *frame_corrections);

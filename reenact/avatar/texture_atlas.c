@@ -968,19 +968,19 @@ static enum status unwrap_coarse(struct texture_atlas *atlas, const struct surfa
     return OK;
 }
 
-enum status texture_atlas_make(struct texture_atlas *out, const struct surface_mesh *s,
+enum status texture_atlas_make(struct texture_atlas *out, const struct surface_mesh *mesh,
                                const struct vertex_colors *vertex_colors, int threads)
 {
     struct coarse_mesh coarse = {0};
     struct point_grid grid;
     *out = (struct texture_atlas){0};
-    enum status status = point_grid_open(&grid, s);
+    enum status status = point_grid_open(&grid, mesh);
     if (status != OK)
         return status;
-    status = coarse_mesh_make(&coarse, s);
+    status = coarse_mesh_make(&coarse, mesh);
     if (status == OK) {
         refit_corners(&coarse, &grid);
-        status = unwrap_coarse(out, s, &coarse);
+        status = unwrap_coarse(out, mesh, &coarse);
     }
     if (status == OK)
         status = bake_texels(out, &grid, vertex_colors, threads);

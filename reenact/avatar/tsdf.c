@@ -282,25 +282,25 @@ static void copy_depth_window(struct integration *integration, const struct dept
                                                  frame->half_width[i]};
 }
 
-enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *depth_frame,
+enum status tsdf_integrate(struct tsdf *tsdf, const struct depth_frame *depth_frame,
                            const struct bone_transforms *transforms)
 {
-    struct integration a = {.tsdf = v, .lens = &v->calibration.depth};
-    enum status status = v->blocks ? OK : open_blocks(v);
+    struct integration a = {.tsdf = tsdf, .lens = &tsdf->calibration.depth};
+    enum status status = tsdf->blocks ? OK : open_blocks(tsdf);
     if (status != OK || depth_frame->right < depth_frame->left)
         return status;
     a.ideal = lens_is_ideal(a.lens);
     a.fx = (float)a.lens->fx, a.fy = (float)a.lens->fy, a.cx = (float)a.lens->cx, a.cy = (float)a.lens->cy;
     for (int p = 0; p < BONE_COUNT; p++) {
-        const struct affine_map map = affine_from_pose(pose_multiply(v->depth_from_color, transforms->bone[p]));
+        const struct affine_map map = affine_from_pose(pose_multiply(tsdf->depth_from_color, transforms->bone[p]));
         memcpy(a.maps[p], map.row, sizeof a.maps[p]);
-        a.thick[p] = (float)v->bind_pose.radius[p];
+        a.thick[p] = (float)tsdf->bind_pose.radius[p];
         for (int q = 0; q < PART_COUNT; q++)
             a.adjacent[p] |= (uint16_t)(bones_adjacent((int)bone_part(p), q) << q);
     }
     copy_depth_window(&a, depth_frame);
     // Each cell belongs to one chunk, so the result does not depend on the number of threads.
-    parallel_for(v->threads, (v->block_count + CHUNK - 1) / CHUNK, find_adder(), &a);
+    parallel_for(tsdf->threads, (tsdf->block_count + CHUNK - 1) / CHUNK, find_adder(), &a);
     return OK;
 }
 
@@ -615,27 +615,27 @@ static const struct tsdf_voxel *known_voxel(const struct tsdf *tsdf, const struc
     return &known->voxels[(nearest[2] * known->size[1] + nearest[1]) * known->size[0] + nearest[0]];
 }
 
-enum status tsdf_copy_free_space(struct tsdf *v, const struct tsdf *known)
+enum status tsdf_copy_free_space(struct tsdf *tsdf, const struct tsdf *known)
 {
-    const struct tsdf_cell *cells = v->active_cells ? v->active_cells : v->cells;
-    int count = v->active_cells ? v->active_count : v->cell_count, left = 0;
+    const struct tsdf_cell *cells = tsdf->active_cells ? tsdf->active_cells : tsdf->cells;
+    int count = tsdf->active_cells ? tsdf->active_count : tsdf->cell_count, left = 0;
     struct tsdf_cell *active = malloc(sizeof *active * (size_t)(count ? count : 1));
     if (!active)
         return fail(ERR_MEMORY, "no memory for the TSDF");
     for (int c = 0; c < count; c++) {
-        const struct tsdf_voxel *point = known_voxel(v, known, &cells[c]);
+        const struct tsdf_voxel *point = known_voxel(tsdf, known, &cells[c]);
         if (point->weight > CYLINDER_WEIGHT && point->distance >= FREE_SPACE_SHARE * TSDF_TRUNCATION_M) {
-            v->voxels[cells[c].at].distance = point->distance;
-            v->voxels[cells[c].at].weight = point->weight;
+            tsdf->voxels[cells[c].at].distance = point->distance;
+            tsdf->voxels[cells[c].at].weight = point->weight;
         } else {
             active[left++] = cells[c];
         }
     }
-    free(v->active_cells);
-    free(v->blocks);
-    v->blocks = NULL;
-    v->active_cells = active;
-    v->active_count = left;
+    free(tsdf->active_cells);
+    free(tsdf->blocks);
+    tsdf->blocks = NULL;
+    tsdf->active_cells = active;
+    tsdf->active_count = left;
     return OK;
 }
 
@@ -678,21 +678,21 @@ bool tsdf_sample(const struct tsdf *tsdf, struct vec3 bind_point, double *distan
     return fabs(*distance) < (double)TSDF_TRUNCATION_M * 0.98;
 }
 
-enum status tsdf_smooth(struct tsdf *v, int passes)
+enum status tsdf_smooth(struct tsdf *tsdf, int passes)
 {
-    size_t count = (size_t)(v->size[0] * v->size[1] * v->size[2]);
+    size_t count = (size_t)(tsdf->size[0] * tsdf->size[1] * tsdf->size[2]);
     float *from = malloc(sizeof *from * count);
     if (!from)
         return fail(ERR_MEMORY, "no memory for the TSDF");
-    const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
+    const int step[3] = {1, tsdf->size[0], tsdf->size[0] * tsdf->size[1]};
     for (int pass = 0; pass < passes; pass++)
         for (int axis = 0; axis < 3; axis++) {
             for (size_t i = 0; i < count; i++)
-                from[i] = v->voxels[i].distance;
-            for (int c = 0; c < v->cell_count; c++) {
-                int at = v->cells[c].at, a = at - step[axis], b = at + step[axis];
-                if (v->voxels[a].weight > 0 && v->voxels[b].weight > 0) // (a cell is never at the grid's border)
-                    v->voxels[at].distance = (from[a] + 2 * from[at] + from[b]) / 4;
+                from[i] = tsdf->voxels[i].distance;
+            for (int c = 0; c < tsdf->cell_count; c++) {
+                int at = tsdf->cells[c].at, a = at - step[axis], b = at + step[axis];
+                if (tsdf->voxels[a].weight > 0 && tsdf->voxels[b].weight > 0) // (a cell is never at the grid's border)
+                    tsdf->voxels[at].distance = (from[a] + 2 * from[at] + from[b]) / 4;
             }
         }
     free(from);
@@ -770,18 +770,18 @@ static enum status smooth_normals(struct surface_mesh *mesh)
     return OK;
 }
 
-enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out)
+enum status tsdf_extract_surface(const struct tsdf *tsdf, struct surface_mesh *out)
 {
     *out = (struct surface_mesh){0};
-    const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
-    int count = v->size[0] * v->size[1] * v->size[2], max = 0;
+    const int step[3] = {1, tsdf->size[0], tsdf->size[0] * tsdf->size[1]};
+    int count = tsdf->size[0] * tsdf->size[1] * tsdf->size[2], max = 0;
     int32_t *number = malloc(sizeof *number * (size_t)count);
     for (int i = 0; number && i < count; i++)
         number[i] = -1;
     struct vec3 p;
-    for (int c = 0; number && c < v->cell_count; c++)
-        if (cube_point(v, v->cells[c].at, &p))
-            number[v->cells[c].at] = max++;
+    for (int c = 0; number && c < tsdf->cell_count; c++)
+        if (cube_point(tsdf, tsdf->cells[c].at, &p))
+            number[tsdf->cells[c].at] = max++;
     out->points = malloc(sizeof *out->points * (size_t)(max + 1));
     out->normals = malloc(sizeof *out->normals * (size_t)(max + 1));
     out->corners = malloc(sizeof *out->corners * 18 * (size_t)(max + 1));
@@ -790,25 +790,25 @@ enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out)
         surface_mesh_free(out);
         return fail(ERR_MEMORY, "no memory for the TSDF");
     }
-    for (int c = 0; c < v->cell_count; c++) {
-        int at = v->cells[c].at;
-        if (number[at] < 0 || !cube_point(v, at, &p))
+    for (int c = 0; c < tsdf->cell_count; c++) {
+        int at = tsdf->cells[c].at;
+        if (number[at] < 0 || !cube_point(tsdf, at, &p))
             continue;
         double distance, seen;
         struct vec3 *normal = &out->normals[out->point_count];
         *normal = v3(0, 0, 0);
-        tsdf_sample(v, p, &distance, normal, &seen);
+        tsdf_sample(tsdf, p, &distance, normal, &seen);
         *normal = v3_unit(*normal);
         out->points[out->point_count++] = p;
     }
-    for (int c = 0; c < v->cell_count; c++)
+    for (int c = 0; c < tsdf->cell_count; c++)
         for (int axis = 0; axis < 3; axis++) { // each crossing edge makes a quad of the four cubes around it
-            int at = v->cells[c].at, to = at + step[axis], b = step[(axis + 1) % 3], d = step[(axis + 2) % 3];
-            if (to >= count || at < b + d || !(v->voxels[to].weight > 0) ||
-                (v->voxels[at].distance < 0) == (v->voxels[to].distance < 0))
+            int at = tsdf->cells[c].at, to = at + step[axis], b = step[(axis + 1) % 3], d = step[(axis + 2) % 3];
+            if (to >= count || at < b + d || !(tsdf->voxels[to].weight > 0) ||
+                (tsdf->voxels[at].distance < 0) == (tsdf->voxels[to].distance < 0))
                 continue;
             const int32_t quad[4] = {number[at], number[at - b], number[at - b - d], number[at - d]};
-            add_quad(out, quad, v->voxels[at].distance >= 0);
+            add_quad(out, quad, tsdf->voxels[at].distance >= 0);
         }
     free(number);
     if (!out->corner_count) {

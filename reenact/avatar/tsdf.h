@@ -27,12 +27,12 @@ MUST_CHECK enum status tsdf_open(struct tsdf **out, const struct bind_pose *bind
 void tsdf_close(struct tsdf **tsdf); // accepts NULL in *tsdf
 
 // Fuses one frame, the bones being at `transforms` (colour camera's axes). ERR_MEMORY; nothing is changed then.
-MUST_CHECK enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *depth_frame,
+MUST_CHECK enum status tsdf_integrate(struct tsdf *tsdf, const struct depth_frame *depth_frame,
                                       const struct bone_transforms *transforms);
 
 // For speed: copies from `known`, a TSDF of the same bind pose and of any step, where that found free space well away
 // from the surface; no later frame is integrated there. ERR_MEMORY; nothing is changed then.
-MUST_CHECK enum status tsdf_copy_free_space(struct tsdf *v, const struct tsdf *known);
+MUST_CHECK enum status tsdf_copy_free_space(struct tsdf *tsdf, const struct tsdf *known);
 
 const struct bind_pose *tsdf_bind_pose(const struct tsdf *tsdf);
 const struct calibration *tsdf_calibration(const struct tsdf *tsdf);
@@ -42,7 +42,7 @@ const struct calibration *tsdf_calibration(const struct tsdf *tsdf);
 void tsdf_flatten_unseen_trunk(struct tsdf *tsdf);
 
 // Reduces noise: `passes` times a binomial filter (1 2 1) along each axis. ERR_MEMORY.
-MUST_CHECK enum status tsdf_smooth(struct tsdf *v, int passes);
+MUST_CHECK enum status tsdf_smooth(struct tsdf *tsdf, int passes);
 
 // Moves the surface outwards by each bone's chart, metres, blended by the skin weights.
 void tsdf_offset(struct tsdf *tsdf, const struct bone_chart out_m[BONE_COUNT]);
@@ -61,7 +61,7 @@ struct surface_mesh {
     int point_count, corner_count;
 };
 // NOTHING: there is no surface. ERR_MEMORY. *out is empty then; else the caller frees it with surface_mesh_free.
-MUST_CHECK enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out);
+MUST_CHECK enum status tsdf_extract_surface(const struct tsdf *tsdf, struct surface_mesh *out);
 void surface_mesh_free(struct surface_mesh *mesh);
 
 // ---------------------------------------------------------------- tsdf

@@ -284,14 +284,14 @@ static void color_chunk(void *context, int chunk)
     }
 }
 
-enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_colors *out)
+enum status vertex_color_solve(struct vertex_color_builder *builder, struct vertex_colors *out)
 {
-    size_t count = (size_t)m->target.surface->point_count;
-    struct sh_fit fit = {.builder = m, .irradiance = {{1}}};
+    size_t count = (size_t)builder->target.surface->point_count;
+    struct sh_fit fit = {.builder = builder, .irradiance = {{1}}};
     *out = (struct vertex_colors){.color = calloc(count, sizeof *out->color),
                                   .time_s = calloc(count, sizeof *out->time_s),
                                   .filled = calloc(count, 1)};
-    fit.equations = malloc(sizeof *fit.equations * (size_t)chunk_count(m));
+    fit.equations = malloc(sizeof *fit.equations * (size_t)chunk_count(builder));
     if (!out->color || !out->time_s || !out->filled || !fit.equations) {
         free(fit.equations);
         vertex_colors_free(out);
@@ -301,9 +301,9 @@ enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_col
         iterate_sh(&fit);
     free(fit.equations);
     out->irradiance = fit.irradiance;
-    struct coloring coloring = {m, out};
-    parallel_for(m->threads, chunk_count(m), color_chunk, &coloring);
-    enum status status = color_inpaint(out, &m->target, m->threads);
+    struct coloring coloring = {builder, out};
+    parallel_for(builder->threads, chunk_count(builder), color_chunk, &coloring);
+    enum status status = color_inpaint(out, &builder->target, builder->threads);
     if (status != OK)
         vertex_colors_free(out);
     return status;

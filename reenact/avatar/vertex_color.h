@@ -48,5 +48,5 @@ struct vertex_color_frame {
 void vertex_color_add(struct vertex_color_builder *builder, const struct vertex_color_frame *frame);
 
 // Of all frames added. The caller frees *out with vertex_colors_free. ERR_MEMORY; *out is then empty.
-MUST_CHECK enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_colors *out);
+MUST_CHECK enum status vertex_color_solve(struct vertex_color_builder *builder, struct vertex_colors *out);
 void vertex_colors_free(struct vertex_colors *colors);

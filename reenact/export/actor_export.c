@@ -171,17 +171,17 @@ static uint8_t byte_of(float linear)
     return (uint8_t)(fminf(1, encoded) * 255 + 0.5F);
 }
 
-enum status actor_export_mesh_ply(const struct actor_export *a, int64_t frame, FILE *out)
+enum status actor_export_mesh_ply(const struct actor_export *export, int64_t frame, FILE *out)
 {
-    const struct surface_mesh *s = &a->avatar->surface;
+    const struct surface_mesh *s = &export->avatar->surface;
     struct bone_transforms at;
     struct ply ply = {0};
-    enum status status = bones_at_frame(a, frame, &at);
+    enum status status = bones_at_frame(export, frame, &at);
     for (int i = 0; i < s->point_count && status == OK; i++) {
-        const float *color = a->avatar->vertex_colors.color[i];
+        const float *color = export->avatar->vertex_colors.color[i];
         const uint8_t rgb[3] = {byte_of(color[0]), byte_of(color[1]), byte_of(color[2])};
         struct vec3 p, n;
-        linear_blend_skin(&a->avatar->skins[i], &at, s->points[i], s->normals[i], &p, &n);
+        linear_blend_skin(&export->avatar->skins[i], &at, s->points[i], s->normals[i], &p, &n);
         status = ply_add_point(&ply, p, rgb);
     }
     for (int i = 0; i < s->corner_count && status == OK; i += 3)
@@ -408,21 +408,21 @@ static void add_animation(struct glb *glb, const struct actor_export *export, co
     }
 }
 
-enum status actor_export_glb(const struct actor_export *a, uint8_t **bytes, size_t *count)
+enum status actor_export_glb(const struct actor_export *export, uint8_t **bytes, size_t *count)
 {
     struct actor_motion motion;
     struct glb g = {0};
-    enum status status = actor_motion_make(&motion, a);
+    enum status status = actor_motion_make(&motion, export);
     if (status != OK)
         return status;
     glb_open(&g);
-    status = add_mesh(&g, a->avatar);
+    status = add_mesh(&g, export->avatar);
     if (status == OK)
-        status = add_material(&g, &a->avatar->atlas);
+        status = add_material(&g, &export->avatar->atlas);
     if (status == OK) {
-        add_scene(&g, a, &motion);
-        add_skin(&g, &a->avatar->bind_pose);
-        add_animation(&g, a, &motion);
+        add_scene(&g, export, &motion);
+        add_skin(&g, &export->avatar->bind_pose);
+        add_animation(&g, export, &motion);
         status = glb_print(&g, bytes, count);
     }
     glb_close(&g);

@@ -21,11 +21,11 @@ struct actor_export {
 };
 
 // The bytes of a .glb; the caller frees *bytes. ERR_INPUT: no frame's trunk is known. ERR_MEMORY.
-MUST_CHECK enum status actor_export_glb(const struct actor_export *a, uint8_t **bytes, size_t *count);
+MUST_CHECK enum status actor_export_glb(const struct actor_export *export, uint8_t **bytes, size_t *count);
 
 // An HTML page with that .glb in it and a viewer (WebGL 2), which needs nothing else: no network, no other file.
 void actor_export_page(const char *name, const uint8_t *glb, size_t count, FILE *out);
 
 // The avatar's surface at a frame, with its vertex colours, in the world's axes, as PLY. NOTHING: the frame's trunk is
 // not known. ERR_MEMORY.
-MUST_CHECK enum status actor_export_mesh_ply(const struct actor_export *a, int64_t frame, FILE *out);
+MUST_CHECK enum status actor_export_mesh_ply(const struct actor_export *export, int64_t frame, FILE *out);

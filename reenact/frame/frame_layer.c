@@ -445,25 +445,26 @@ static enum status crop_images(const struct frame_layer_loader *loader, struct f
     return status == OK ? crop_color(loader, out) : status;
 }
 
-enum status frame_layer_loader_load(struct frame_layer_loader *l, int64_t frame, struct frame_layer *out)
+enum status frame_layer_loader_load(struct frame_layer_loader *loader, int64_t frame, struct frame_layer *out)
 {
     struct bone_transforms joints;
-    *out =
-        (struct frame_layer){.frame = frame, .exposure_gain = 1, .corrections = avatar_corrections(l->avatar, frame)};
-    deformation_clear(l->deformation);
-    enum status status = bone_transforms_of(&l->avatar->bind_pose, take_skeletons_at(l->skeletons, frame), &joints);
+    *out = (struct frame_layer){
+        .frame = frame, .exposure_gain = 1, .corrections = avatar_corrections(loader->avatar, frame)};
+    deformation_clear(loader->deformation);
+    enum status status =
+        bone_transforms_of(&loader->avatar->bind_pose, take_skeletons_at(loader->skeletons, frame), &joints);
     const bool posed = status == OK;
     if (posed)
-        status = read_frame(l, &joints, out);
+        status = read_frame(loader, &joints, out);
     if (status >= 0)
-        status = crop_images(l, out);
+        status = crop_images(loader, out);
     if (status == OK && posed) {
         joints = bone_corrections_apply(&joints, &out->corrections);
-        status = fill_points(l, &joints, out);
+        status = fill_points(loader, &joints, out);
     }
     if (status == OK && posed) {
-        fill_exposure(l, out);
-        status = fill_triangle_visibility(l, out);
+        fill_exposure(loader, out);
+        status = fill_triangle_visibility(loader, out);
     }
     if (status != OK)
         frame_layer_free(out);

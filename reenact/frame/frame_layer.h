@@ -50,4 +50,5 @@ void frame_layer_loader_close(struct frame_layer_loader **l); // NULL is fine; s
 
 // Reads the frame's row once and makes its layer. On OK *out is the caller's (frame_layer_free); on failure it is
 // zeroed. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status frame_layer_loader_load(struct frame_layer_loader *l, int64_t frame, struct frame_layer *out);
+MUST_CHECK enum status frame_layer_loader_load(struct frame_layer_loader *loader, int64_t frame,
+                                               struct frame_layer *out);

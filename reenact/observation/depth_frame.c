@@ -115,19 +115,19 @@ struct source_rays {
     float xy[][2]; // z = 1
 };
 
-enum status source_rays_open(struct source_rays **out, const struct calibration *c)
+enum status source_rays_open(struct source_rays **out, const struct calibration *calibration)
 {
     *out = NULL;
-    int width = c->depth.width, height = c->depth.height;
+    int width = calibration->depth.width, height = calibration->depth.height;
     struct source_rays *r = malloc(sizeof *r + sizeof r->xy[0] * (size_t)width * (size_t)height);
     if (!r)
         return fail(ERR_MEMORY, "no memory for the labels of body parts");
     r->count = width * height;
-    r->color_from_depth = c->color_from_depth;
-    r->same_axes = c->registered;
+    r->color_from_depth = calibration->color_from_depth;
+    r->same_axes = calibration->registered;
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++) {
-            struct vec3 ray = lens_ray(&c->depth, (struct pixel){x, y});
+            struct vec3 ray = lens_ray(&calibration->depth, (struct pixel){x, y});
             r->xy[y * width + x][0] = (float)ray.x;
             r->xy[y * width + x][1] = (float)ray.y;
         }
@@ -428,22 +428,23 @@ static void find_interior_pixels(const struct depth_frame *frame, const struct a
         }
 }
 
-enum status depth_frame_clean_colors(const struct depth_frame *s, const struct calibration *calibration,
+enum status depth_frame_clean_colors(const struct depth_frame *frame, const struct calibration *calibration,
                                      const uint8_t *rgb, uint8_t *out)
 {
     const struct lens *color = &calibration->color;
     if (out != rgb)
         memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
-    if (!calibration->registered || color->width != s->width || color->height != s->height || s->right < s->left)
+    if (!calibration->registered || color->width != frame->width || color->height != frame->height ||
+        frame->right < frame->left)
         return OK;
-    const struct actor_box box = padded_actor_box(s);
+    const struct actor_box box = padded_actor_box(frame);
     struct interior_pixel *from = malloc(sizeof *from * (size_t)box.w * (size_t)box.h);
     if (!from)
         return fail(ERR_MEMORY, "no memory for a depth frame");
-    find_interior_pixels(s, &box, from);
+    find_interior_pixels(frame, &box, from);
     for (int i = 0; i < box.w * box.h; i++) {
-        const int at = (box.top + i / box.w) * s->width + box.left + i % box.w;
-        const int of = (box.top + from[i].y) * s->width + box.left + from[i].x;
+        const int at = (box.top + i / box.w) * frame->width + box.left + i % box.w;
+        const int of = (box.top + from[i].y) * frame->width + box.left + from[i].x;
         if (from[i].x >= 0 && of != at)
             memcpy(out + 3 * (size_t)at, rgb + 3 * (size_t)of, 3);
     }
@@ -564,27 +565,27 @@ static void copy_colors(const struct depth_frame_cache *cache, const struct take
     memcpy(rgb, images->color, 3 * (size_t)lens->width * (size_t)lens->height);
 }
 
-enum status depth_frame_cache_read(struct depth_frame_cache *s, int i, struct depth_frame *into, uint8_t *rgb)
+enum status depth_frame_cache_read(struct depth_frame_cache *cache, int i, struct depth_frame *into, uint8_t *rgb)
 {
-    assert(i >= 0 && i < s->count);
-    const bool is_kept = s->windows[i].bytes != NULL;
-    const struct take_entry *e = take_entry(s->source.take, s->frames[i]);
+    assert(i >= 0 && i < cache->count);
+    const bool is_kept = cache->windows[i].bytes != NULL;
+    const struct take_entry *e = take_entry(cache->source.take, cache->frames[i]);
     if (!e->has_depth || !e->has_skeleton)
         return NOTHING;
     struct take_images images;
     const unsigned want = (is_kept ? 0u : TAKE_DEPTH | TAKE_MASK) | (rgb ? TAKE_COLOR : 0u);
-    enum status status = take_read(s->source.take, s->frames[i], want, &images);
+    enum status status = take_read(cache->source.take, cache->frames[i], want, &images);
     if (status != OK)
         return status == ERR_CORRUPT ? NOTHING : status; // a damaged frame costs itself alone
     if (is_kept) {
-        restore_window(&s->windows[i], into);
+        restore_window(&cache->windows[i], into);
     } else {
-        depth_frame_label(into, &images, take_skeletons_at(s->source.skeletons, s->frames[i]));
-        store_window(s, i, into);
+        depth_frame_label(into, &images, take_skeletons_at(cache->source.skeletons, cache->frames[i]));
+        store_window(cache, i, into);
     }
     if (rgb && !images.color)
         return NOTHING;
     if (rgb)
-        copy_colors(s, &images, rgb);
+        copy_colors(cache, &images, rgb);
     return OK;
 }

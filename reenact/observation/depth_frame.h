@@ -107,7 +107,7 @@ void depth_frame_relabel(struct depth_frame *frame, const struct skeleton *skele
 // that is at an edge or not the actor's takes the colour of the nearest pixel well within a surface. rgb and out are
 // whole colour images and may be the same. Where depth is not registered to colour, a copy. ERR_MEMORY: *out is then a
 // copy.
-MUST_CHECK enum status depth_frame_clean_colors(const struct depth_frame *s, const struct calibration *calibration,
+MUST_CHECK enum status depth_frame_clean_colors(const struct depth_frame *frame, const struct calibration *calibration,
                                                 const uint8_t *rgb, uint8_t *out);
 
 // ---------------------------------------------------------------- depth agreement
@@ -147,5 +147,5 @@ void depth_frame_cache_close(struct depth_frame_cache **s); // NULL is fine; set
 // no depth samples. `into` was opened for the same take and is overwritten. rgb: receives the frame's colour image, RGB
 // of calibration.color; NULL: not wanted. The frame's row is read at most once. NOTHING: the frame lacks depth or
 // skeleton, or colour where it is wanted. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status depth_frame_cache_read(struct depth_frame_cache *s, int i, struct depth_frame *into,
+MUST_CHECK enum status depth_frame_cache_read(struct depth_frame_cache *cache, int i, struct depth_frame *into,
                                               uint8_t *rgb);

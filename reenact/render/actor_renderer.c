@@ -168,22 +168,23 @@ void renderer_set_resolution_scale(struct renderer *renderer, double resolution_
     actor_targets_apply_scale(renderer);
 }
 
-enum status renderer_set_lens(struct renderer *p, const struct lens *lens)
+enum status renderer_set_lens(struct renderer *renderer, const struct lens *lens)
 {
     enum status status = lens_check(lens, "tablet's");
     if (status != OK)
         return status;
-    bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
-         shadow = p->shadow, room_depth = p->room_depth, writes_source = p->writes_source;
-    p->lens = *lens;
+    bool resized = lens->width != renderer->lens.width || lens->height != renderer->lens.height,
+         sources = renderer->source, shadow = renderer->shadow, room_depth = renderer->room_depth,
+         writes_source = renderer->writes_source;
+    renderer->lens = *lens;
     if (resized) {
-        actor_targets_close(p);
-        status = actor_targets_open(p, sources, shadow);
-        p->writes_source = writes_source;
+        actor_targets_close(renderer);
+        status = actor_targets_open(renderer, sources, shadow);
+        renderer->writes_source = writes_source;
     }
     if (resized && status == OK && room_depth)
-        status = actor_targets_open_room_depth(p);
-    actor_targets_apply_scale(p);
+        status = actor_targets_open_room_depth(renderer);
+    actor_targets_apply_scale(renderer);
     return status;
 }
 
@@ -202,14 +203,17 @@ static enum status read_rgb(const struct renderer *renderer, struct gpu_target *
     return status;
 }
 
-enum status renderer_read(struct renderer *p, uint8_t *rgb) { return read_rgb(p, p->composed, rgb); }
-
-enum status renderer_read_actor(struct renderer *p, uint8_t *rgba)
+enum status renderer_read(struct renderer *renderer, uint8_t *rgb)
 {
-    enum status status = gpu_target_read(p->actor, rgba);
+    return read_rgb(renderer, renderer->composed, rgb);
+}
+
+enum status renderer_read_actor(struct renderer *renderer, uint8_t *rgba)
+{
+    enum status status = gpu_target_read(renderer->actor, rgba);
     if (status != OK)
         return status;
-    size_t pixels = (size_t)p->drawn.width * (size_t)p->drawn.height;
+    size_t pixels = (size_t)renderer->drawn.width * (size_t)renderer->drawn.height;
     for (size_t i = 0; i < pixels; i++) { // premultiplied to straight
         uint8_t *at = rgba + 4 * i;
         for (int c = 0; c < 3 && at[3] && at[3] < 255; c++) {
@@ -220,10 +224,10 @@ enum status renderer_read_actor(struct renderer *p, uint8_t *rgba)
     return OK;
 }
 
-enum status renderer_read_source(struct renderer *p, uint8_t *rgb)
+enum status renderer_read_source(struct renderer *renderer, uint8_t *rgb)
 {
-    assert(p->source);
-    return read_rgb(p, p->source, rgb);
+    assert(renderer->source);
+    return read_rgb(renderer, renderer->source, rgb);
 }
 
 const struct gpu_texture *renderer_actor_texture(struct renderer *renderer)
@@ -298,10 +302,10 @@ const struct gpu_texture *renderer_overlay_texture(struct renderer *renderer)
     return renderer->stroked ? gpu_target_texture(renderer->strokes) : NULL;
 }
 
-enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MAX], int *count)
+enum status renderer_read_seen(struct renderer *renderer, float share[OVERLAY_GROUPS_MAX], int *count)
 {
     *count = 0;
-    return p->overlay ? depth_overlay_read(p->overlay, share, count) : OK;
+    return renderer->overlay ? depth_overlay_read(renderer->overlay, share, count) : OK;
 }
 
 // ---------------------------------------------------------------- actor renderer
@@ -339,20 +343,20 @@ static enum status open_programs(struct renderer *renderer)
     return status;
 }
 
-enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar)
+enum status renderer_set_avatar(struct renderer *renderer, struct avatar *avatar)
 {
-    p->upload_pending = false;
-    if (!avatar || !p->avatar) {
+    renderer->upload_pending = false;
+    if (!avatar || !renderer->avatar) {
         if (avatar)
             avatar_free(avatar);
-        avatar_renderer_close(&p->avatar);
+        avatar_renderer_close(&renderer->avatar);
         return OK;
     }
-    p->cylinder_error_m = lod_cylinder_error_m(avatar);
-    enum status status = avatar_renderer_set_avatar(p->avatar, avatar);
+    renderer->cylinder_error_m = lod_cylinder_error_m(avatar);
+    enum status status = avatar_renderer_set_avatar(renderer->avatar, avatar);
     if (status != OK)
-        avatar_renderer_close(&p->avatar);
-    p->upload_pending = status == OK;
+        avatar_renderer_close(&renderer->avatar);
+    renderer->upload_pending = status == OK;
     return status;
 }
 
@@ -367,10 +371,10 @@ const struct avatar *renderer_avatar(const struct renderer *renderer)
     return renderer->avatar && !renderer->upload_pending ? avatar_renderer_avatar(renderer->avatar) : NULL;
 }
 
-enum status renderer_add_frame(struct renderer *p, struct frame_layer *loaded)
+enum status renderer_add_frame(struct renderer *renderer, struct frame_layer *loaded)
 {
-    if (p->avatar)
-        return avatar_renderer_add_frame(p->avatar, loaded);
+    if (renderer->avatar)
+        return avatar_renderer_add_frame(renderer->avatar, loaded);
     frame_layer_free(loaded);
     return OK;
 }
@@ -380,13 +384,13 @@ int64_t renderer_nearest_resident_frame(const struct renderer *renderer, int64_t
     return renderer->avatar ? avatar_renderer_nearest_resident(renderer->avatar, frame, within_ns) : -1;
 }
 
-enum status renderer_set_room(struct renderer *p, struct occluder_mesh *room)
+enum status renderer_set_room(struct renderer *renderer, struct occluder_mesh *room)
 {
     const bool any = room->corner_count > 0;
-    enum status status = occlusion_shadow_set_room(p->occlusion, room);
-    if (status == OK && any && p->full && !p->room_depth)
-        status = actor_targets_open_room_depth(p);
-    actor_targets_apply_scale(p);
+    enum status status = occlusion_shadow_set_room(renderer->occlusion, room);
+    if (status == OK && any && renderer->full && !renderer->room_depth)
+        status = actor_targets_open_room_depth(renderer);
+    actor_targets_apply_scale(renderer);
     return status;
 }
 
@@ -643,26 +647,29 @@ static enum status compose_image(struct renderer *renderer, const uint8_t *color
     return gpu_check(renderer->gpu);
 }
 
-enum status renderer_draw_background(struct renderer *p, const uint8_t *color)
+enum status renderer_draw_background(struct renderer *renderer, const uint8_t *color)
 {
-    p->shaded = false;
-    clear_targets(p);
-    return compose_image(p, color);
+    renderer->shaded = false;
+    clear_targets(renderer);
+    return compose_image(renderer, color);
 }
 
-enum status renderer_draw(struct renderer *p, const struct renderer_view *view, struct renderer_result *result)
+enum status renderer_draw(struct renderer *renderer, const struct renderer_view *view, struct renderer_result *result)
 {
-    *result = (struct renderer_result){
-        .level = p->detail, .shown = -1, .source = -1, .width = p->drawn.width, .height = p->drawn.height};
+    *result = (struct renderer_result){.level = renderer->detail,
+                                       .shown = -1,
+                                       .source = -1,
+                                       .width = renderer->drawn.width,
+                                       .height = renderer->drawn.height};
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
-    p->shaded = p->stroked = false;
-    enum status status = draw_actor(p, view, result);
+    renderer->shaded = renderer->stroked = false;
+    enum status status = draw_actor(renderer, view, result);
     if (status >= 0 && view->overlay)
-        status = actor_overlay_draw(p, view);
+        status = actor_overlay_draw(renderer, view);
     if (status < 0)
         return status;
-    return view->color ? compose_image(p, view->color) : gpu_check(p->gpu);
+    return view->color ? compose_image(renderer, view->color) : gpu_check(renderer->gpu);
 }
 
 void renderer_set_error(struct renderer *renderer, double error_px) { renderer->error_px = error_px; }

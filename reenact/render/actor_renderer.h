@@ -68,7 +68,7 @@ void renderer_close(struct renderer **p);
 
 // Sets the occluder mesh that hides the actor (occluder_mesh_make). Takes over its contents and
 // zeroes *room, also on failure. ERR_DEVICE, ERR_MEMORY; the mesh set before then stays.
-MUST_CHECK enum status renderer_set_room(struct renderer *p, struct occluder_mesh *room);
+MUST_CHECK enum status renderer_set_room(struct renderer *renderer, struct occluder_mesh *room);
 
 struct renderer_view {
     struct pose world_from_camera; // of the viewer camera
@@ -96,23 +96,23 @@ struct renderer_result {
 
 // Draws. For an image without a pose there is renderer_draw_background. OK also when no actor is
 // visible. ERR_INPUT: the pose is not finite. ERR_DEVICE; ERR_CORRUPT, ERR_IO: the take.
-MUST_CHECK enum status renderer_draw(struct renderer *p, const struct renderer_view *view,
+MUST_CHECK enum status renderer_draw(struct renderer *renderer, const struct renderer_view *view,
                                      struct renderer_result *result);
 
 // The camera image alone.
-MUST_CHECK enum status renderer_draw_background(struct renderer *p, const uint8_t *color);
+MUST_CHECK enum status renderer_draw_background(struct renderer *renderer, const uint8_t *color);
 
 // Reads back the composed image last drawn, RGB. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status renderer_read(struct renderer *p, uint8_t *rgb);
+MUST_CHECK enum status renderer_read(struct renderer *renderer, uint8_t *rgb);
 
 // Reads back the actor alone, RGBA with straight alpha. ERR_DEVICE.
-MUST_CHECK enum status renderer_read_actor(struct renderer *p, uint8_t *rgba);
+MUST_CHECK enum status renderer_read_actor(struct renderer *renderer, uint8_t *rgba);
 
 // Reads back where each pixel of the actor last drawn comes from, RGB, not antialiased; needs
 // options.sources. Red: 0 no actor, 85 the shown frame itself, 170 another frame, 255 inpainted
 // (never seen; texture_atlas.h). Green, blue: high and low byte of that other frame's distance
 // in time, hundredths of a second, at most 65535. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status renderer_read_source(struct renderer *p, uint8_t *rgb);
+MUST_CHECK enum status renderer_read_source(struct renderer *renderer, uint8_t *rgb);
 
 // ---------------------------------------------------------------- actor renderer live
 
@@ -127,7 +127,7 @@ MUST_CHECK enum status renderer_read_source(struct renderer *p, uint8_t *rgb);
 // every level is drawn as DETAIL_PAPER. NULL: there is none; DETAIL_FULL is then drawn as rounded
 // cylinders. Takes over its contents and zeroes *avatar, also on failure. ERR_INPUT: too many
 // vertices. ERR_DEVICE, ERR_MEMORY. After a failure there is no avatar.
-MUST_CHECK enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar);
+MUST_CHECK enum status renderer_set_avatar(struct renderer *renderer, struct avatar *avatar);
 
 // True: everything that was set is uploaded.
 bool renderer_upload_done(const struct renderer *renderer);
@@ -141,7 +141,7 @@ const struct avatar *renderer_avatar(const struct renderer *renderer);
 
 // Adds a prefetched frame layer. Images are the same with and without it. Takes over its contents
 // and zeroes *loaded, also on failure. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status renderer_add_frame(struct renderer *p, struct frame_layer *loaded);
+MUST_CHECK enum status renderer_add_frame(struct renderer *renderer, struct frame_layer *loaded);
 
 // The resident frame nearest in time to `frame`, at most within_ns away; -1: none.
 int64_t renderer_nearest_resident_frame(const struct renderer *renderer, int64_t frame, int64_t within_ns);
@@ -155,7 +155,7 @@ const struct gpu_texture *
 renderer_overlay_texture(struct renderer *renderer); // view.overlay's strokes. NULL: none drawn
 
 // What was asked with the last view.overlay that had points: depth_overlay_read. ERR_DEVICE.
-MUST_CHECK enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MAX], int *count);
+MUST_CHECK enum status renderer_read_seen(struct renderer *renderer, float share[OVERLAY_GROUPS_MAX], int *count);
 
 // ---- changes between images
 
@@ -166,7 +166,7 @@ void renderer_set_resolution_scale(struct renderer *renderer, double resolution_
 
 // Replaces the viewer camera's lens; the resolution scale stays. Cheap unless the image size changes.
 // ERR_INPUT: nothing changed; ERR_DEVICE, ERR_MEMORY: the renderer can only be closed.
-MUST_CHECK enum status renderer_set_lens(struct renderer *p, const struct lens *lens);
+MUST_CHECK enum status renderer_set_lens(struct renderer *renderer, const struct lens *lens);
 
 // With options.sources: whether the next images write their sources, which costs time. Initially true.
 void renderer_set_sources(struct renderer *renderer, bool wanted);

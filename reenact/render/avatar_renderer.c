@@ -194,9 +194,9 @@ static int64_t frame_layer_cache_nearest(const struct frame_layer_cache *cache, 
 
 // Adds a layer that was loaded elsewhere. Takes over its contents and zeroes *loaded, also on failure. ERR_DEVICE,
 // ERR_MEMORY.
-static enum status frame_layer_cache_add(struct frame_layer_cache *f, struct frame_layer *loaded)
+static enum status frame_layer_cache_add(struct frame_layer_cache *cache, struct frame_layer *loaded)
 {
-    enum status status = frame_layer_cache_has(f, loaded->frame) ? OK : insert_layer(f, loaded);
+    enum status status = frame_layer_cache_has(cache, loaded->frame) ? OK : insert_layer(cache, loaded);
     frame_layer_free(loaded);
     return status;
 }
@@ -211,17 +211,17 @@ static enum status load_layer(struct frame_layer_cache *cache, const struct avat
 }
 
 // Loads the frame unless it is resident. *out: borrowed until the next call. Errors of take_read; ERR_DEVICE.
-static enum status frame_layer_cache_get(struct frame_layer_cache *f, const struct avatar *avatar, int64_t frame,
+static enum status frame_layer_cache_get(struct frame_layer_cache *cache, const struct avatar *avatar, int64_t frame,
                                          const struct gpu_frame_layer **out)
 {
-    if (!frame_layer_cache_has(f, frame)) {
-        enum status status = load_layer(f, avatar, frame);
+    if (!frame_layer_cache_has(cache, frame)) {
+        enum status status = load_layer(cache, avatar, frame);
         if (status != OK)
             return status;
     }
-    struct cached_layer *k = &f->layers[find_layer(f, frame)];
-    if (k->used != f->now)
-        k->used = ++f->now;
+    struct cached_layer *k = &cache->layers[find_layer(cache, frame)];
+    if (k->used != cache->now)
+        k->used = ++cache->now;
     *out = &k->shown;
     return OK;
 }
@@ -567,14 +567,14 @@ static enum status open_atlas_textures(struct avatar_renderer *renderer)
     return status == OK ? open_shown_mesh(renderer) : status;
 }
 
-enum status avatar_renderer_set_avatar(struct avatar_renderer *p, struct avatar *avatar)
+enum status avatar_renderer_set_avatar(struct avatar_renderer *renderer, struct avatar *avatar)
 {
-    drop_avatar(p);
-    p->avatar = *avatar;
+    drop_avatar(renderer);
+    renderer->avatar = *avatar;
     *avatar = (struct avatar){0};
-    enum status status = open_atlas_textures(p);
+    enum status status = open_atlas_textures(renderer);
     if (status != OK)
-        drop_avatar(p);
+        drop_avatar(renderer);
     return status;
 }
 
@@ -585,9 +585,9 @@ const struct avatar *avatar_renderer_avatar(const struct avatar_renderer *render
     return avatar_renderer_has_avatar(renderer) ? &renderer->avatar : NULL;
 }
 
-enum status avatar_renderer_add_frame(struct avatar_renderer *p, struct frame_layer *loaded)
+enum status avatar_renderer_add_frame(struct avatar_renderer *renderer, struct frame_layer *loaded)
 {
-    return frame_layer_cache_add(p->frames, loaded);
+    return frame_layer_cache_add(renderer->frames, loaded);
 }
 
 int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *renderer, int64_t frame, int64_t within_ns)
@@ -778,48 +778,48 @@ static void draw_colors(struct avatar_renderer *renderer, const struct avatar_vi
     }
 }
 
-enum status avatar_renderer_warm_up(struct avatar_renderer *p, struct gpu_target *actor, const struct gpu_texture *room,
-                                    bool *done)
+enum status avatar_renderer_warm_up(struct avatar_renderer *renderer, struct gpu_target *actor,
+                                    const struct gpu_texture *room, bool *done)
 {
     enum { SIDE = 3 }; // as of frame layers: no power of two (frame_layer.c)
     const float nothing[3 * VERTEX] = {0};
     const uint16_t corners[3] = {0, 1, 2};
     struct gpu_texture *color = NULL, *depth = NULL;
     enum status status =
-        gpu_texture_open(&color, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, SIDE, SIDE, GPU_LINEAR}, NULL);
+        gpu_texture_open(&color, renderer->gpu, &(struct gpu_texture_layout){GPU_RGB8, SIDE, SIDE, GPU_LINEAR}, NULL);
     if (status == OK)
-        status =
-            gpu_texture_open(&depth, p->gpu, &(struct gpu_texture_layout){GPU_RGBA8, SIDE, SIDE, GPU_NEAREST}, NULL);
+        status = gpu_texture_open(&depth, renderer->gpu,
+                                  &(struct gpu_texture_layout){GPU_RGBA8, SIDE, SIDE, GPU_NEAREST}, NULL);
     if (status == OK) {
         const struct gpu_job job = {.target = actor,
-                                    .textures = {NULL, color, depth, p->warmed_up < LAYERS ? NULL : room},
+                                    .textures = {NULL, color, depth, renderer->warmed_up < LAYERS ? NULL : room},
                                     .count = 3,
                                     .within = {-1, -1, 1, 1}};
-        gpu_mesh_write_vertices(p->shown.mesh, 0, nothing, 3 * VERTEX);
-        gpu_mesh_write_indices(p->shown.mesh, 0, corners, 3);
-        draw_layer(p, (enum layer)(p->warmed_up++ % LAYERS), &job);
+        gpu_mesh_write_vertices(renderer->shown.mesh, 0, nothing, 3 * VERTEX);
+        gpu_mesh_write_indices(renderer->shown.mesh, 0, corners, 3);
+        draw_layer(renderer, (enum layer)(renderer->warmed_up++ % LAYERS), &job);
     }
     gpu_texture_close(&color);
     gpu_texture_close(&depth);
-    *done = p->warmed_up >= (room ? 2 : 1) * LAYERS;
-    return status == OK ? gpu_check(p->gpu) : status;
+    *done = renderer->warmed_up >= (room ? 2 : 1) * LAYERS;
+    return status == OK ? gpu_check(renderer->gpu) : status;
 }
 
-enum status avatar_renderer_draw(struct avatar_renderer *p, const struct avatar_view *view, int *parts,
+enum status avatar_renderer_draw(struct avatar_renderer *renderer, const struct avatar_view *view, int *parts,
                                  struct gpu_box *within)
 {
     bool absent[PART_COUNT];
-    *parts = find_absent(p, view, absent);
+    *parts = find_absent(renderer, view, absent);
     if (!*parts)
         return NOTHING;
-    const struct take_entry *e = take_entry(p->take, view->frame);
+    const struct take_entry *e = take_entry(renderer->take, view->frame);
     const struct gpu_frame_layer *now;
     struct bone_transforms shown;
-    enum status status = frame_layer_cache_get(p->frames, &p->avatar, view->frame, &now);
+    enum status status = frame_layer_cache_get(renderer->frames, &renderer->avatar, view->frame, &now);
     if (status == OK && !now->points)
         return NOTHING;
     if (status == OK)
-        status = bone_transforms_of(&p->avatar.bind_pose, &view->skeleton, &shown); // world axes
+        status = bone_transforms_of(&renderer->avatar.bind_pose, &view->skeleton, &shown); // world axes
     if (status != OK)
         return status;
     shown = bone_corrections_apply(&shown, &now->corrections);
@@ -828,29 +828,29 @@ enum status avatar_renderer_draw(struct avatar_renderer *p, const struct avatar_
     for (int b = 0; b < BONE_COUNT; b++)
         viewer_from_bone[b] = affine_from_pose(pose_multiply(viewer_from_world, shown.bone[b]));
     const struct silhouette_corners corners =
-        silhouette_edges_find(p->silhouette, viewer_from_bone, now->shift, now->triangle_visible, absent);
+        silhouette_edges_find(renderer->silhouette, viewer_from_bone, now->shift, now->triangle_visible, absent);
     if (corners.front == 0)
         return OK;
-    upload_shown_mesh(p, now, &corners);
+    upload_shown_mesh(renderer, now, &corners);
     const struct affine_map viewer_from_frame =
         affine_from_pose(pose_multiply(viewer_from_world, e->world_from_camera));
-    set_uniform(p, VIEWER_FROM_FRAME, viewer_from_frame.row[0], 3);
-    const float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
-    set_uniform(p, FRAME_PARAMS, (const float[4]){time_s, HALF_SILHOUETTE_PX, 0, 0}, 1);
+    set_uniform(renderer, VIEWER_FROM_FRAME, viewer_from_frame.row[0], 3);
+    const float time_s = (float)((double)(e->time_ns - take_entry(renderer->take, 0)->time_ns) * 1e-9);
+    set_uniform(renderer, FRAME_PARAMS, (const float[4]){time_s, HALF_SILHOUETTE_PX, 0, 0}, 1);
     const struct gpu_box box = *within =
-        screen_bounds(&p->view, (const double[]){(double)corners.low[0], (double)corners.low[1]},
+        screen_bounds(&renderer->view, (const double[]){(double)corners.low[0], (double)corners.low[1]},
                       (const double[]){(double)corners.high[0], (double)corners.high[1]});
-    draw_colors(p, view, now, &corners, box);
+    draw_colors(renderer, view, now, &corners, box);
     if (view->source) {
-        gpu_program_set(p->programs[SOURCE], FRAME_PARAMS, (const float[4]){time_s, 0, 0, 0}, 1);
+        gpu_program_set(renderer->programs[SOURCE], FRAME_PARAMS, (const float[4]){time_s, 0, 0, 0}, 1);
         gpu_draw(&(struct gpu_job){.target = view->source,
-                                   .program = p->programs[SOURCE],
-                                   .mesh = p->shown.mesh,
-                                   .textures = {p->atlas_textures.seen_time, now->depth},
+                                   .program = renderer->programs[SOURCE],
+                                   .mesh = renderer->shown.mesh,
+                                   .textures = {renderer->atlas_textures.seen_time, now->depth},
                                    .closed = true,
                                    .depth_test = true,
                                    .count = corners.front,
                                    .within = box});
     }
-    return gpu_check(p->gpu);
+    return gpu_check(renderer->gpu);
 }

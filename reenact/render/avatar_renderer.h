@@ -20,7 +20,7 @@ void avatar_renderer_close(struct avatar_renderer **p);
 // Replaces the avatar. Takes over its contents and zeroes *avatar, also on failure; after
 // a failure there is no avatar. ERR_INPUT: more vertices than 16-bit indices address;
 // ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status avatar_renderer_set_avatar(struct avatar_renderer *p, struct avatar *avatar);
+MUST_CHECK enum status avatar_renderer_set_avatar(struct avatar_renderer *renderer, struct avatar *avatar);
 bool avatar_renderer_has_avatar(const struct avatar_renderer *renderer);
 
 // Uploads at most `bytes` more of the atlas. True: all is uploaded, the avatar can be drawn.
@@ -29,7 +29,7 @@ bool avatar_renderer_upload_step(struct avatar_renderer *renderer, size_t bytes)
 // Draws an empty triangle with the next combination of program and state that an image may use, into `actor` and with
 // `room` as in avatar_view: software rasterisers compile a program when it is first drawn with, once per state. *done:
 // all combinations were drawn. The avatar must be uploaded. ERR_DEVICE.
-MUST_CHECK enum status avatar_renderer_warm_up(struct avatar_renderer *p, struct gpu_target *actor,
+MUST_CHECK enum status avatar_renderer_warm_up(struct avatar_renderer *renderer, struct gpu_target *actor,
                                                const struct gpu_texture *room, bool *done);
 
 // The avatar, constant until it is replaced; NULL: none.
@@ -37,7 +37,7 @@ const struct avatar *avatar_renderer_avatar(const struct avatar_renderer *render
 
 // Adds a frame layer that was loaded elsewhere from this same avatar. Takes over its contents and zeroes *loaded, also
 // on failure. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status avatar_renderer_add_frame(struct avatar_renderer *p, struct frame_layer *loaded);
+MUST_CHECK enum status avatar_renderer_add_frame(struct avatar_renderer *renderer, struct frame_layer *loaded);
 // The resident frame nearest in time to `frame`, at most within_ns away; -1: none.
 int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *renderer, int64_t frame, int64_t within_ns);
 
@@ -56,5 +56,5 @@ struct avatar_view {
 };
 // *parts: number of body parts drawn (parts with unknown joints are omitted). *within: bounding box of what was drawn.
 // NOTHING: no part, or the skeleton has no trunk. Errors of take_read; ERR_DEVICE.
-MUST_CHECK enum status avatar_renderer_draw(struct avatar_renderer *p, const struct avatar_view *view, int *parts,
-                                            struct gpu_box *within);
+MUST_CHECK enum status avatar_renderer_draw(struct avatar_renderer *renderer, const struct avatar_view *view,
+                                            int *parts, struct gpu_box *within);

@@ -166,34 +166,35 @@ static enum status image_of(struct texture_cache *cache, int64_t frame, bool lab
 }
 
 // The whole colour image as recorded. NOTHING: the frame has none. Errors of take_read; ERR_DEVICE.
-static enum status texture_cache_whole(struct texture_cache *c, int64_t frame, struct source_texture *out)
+static enum status texture_cache_whole(struct texture_cache *cache, int64_t frame, struct source_texture *out)
 {
-    if (find_texture(c, frame, WHOLE, out))
+    if (find_texture(cache, frame, WHOLE, out))
         return OK;
     struct source_image *image;
-    enum status status = image_of(c, frame, false, &image);
+    enum status status = image_of(cache, frame, false, &image);
     if (status != OK)
         return status;
     struct source_patch all = {0, 0, image->width, image->height, image->rgb};
-    return insert_texture(c, frame, WHOLE, &all, out);
+    return insert_texture(cache, frame, WHOLE, &all, out);
 }
 
 // The frame's texture of one part (source_patch_make); of a frame without depth, which
 // does not distinguish parts, the whole image. NOTHING: it shows too little of the part.
-static enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part p, struct source_texture *out)
+static enum status texture_cache_part(struct texture_cache *cache, int64_t frame, enum part p,
+                                      struct source_texture *out)
 {
-    if (find_texture(c, frame, p, out))
+    if (find_texture(cache, frame, p, out))
         return OK;
-    if (!c->rays || !take_entry(c->take, frame)->has_depth)
-        return texture_cache_whole(c, frame, out);
+    if (!cache->rays || !take_entry(cache->take, frame)->has_depth)
+        return texture_cache_whole(cache, frame, out);
     struct source_image *image;
-    enum status status = image_of(c, frame, true, &image);
+    enum status status = image_of(cache, frame, true, &image);
     struct source_patch patch;
     if (status == OK)
-        status = source_patch_make(image, c->take, p, &patch);
+        status = source_patch_make(image, cache->take, p, &patch);
     if (status != OK)
         return status;
-    status = insert_texture(c, frame, p, &patch, out);
+    status = insert_texture(cache, frame, p, &patch, out);
     free(patch.rgb);
     return status;
 }
@@ -354,11 +355,11 @@ void cylinder_renderer_set_lens(struct cylinder_renderer *renderer, const struct
     gpu_program_set(renderer->program, VIEW_LENS, lens, 3);
 }
 
-enum status cylinder_renderer_select(struct cylinder_renderer *c, const struct skeleton *in_viewer,
+enum status cylinder_renderer_select(struct cylinder_renderer *renderer, const struct skeleton *in_viewer,
                                      struct frame_selection *out)
 {
-    adopt_selector(c);
-    return frame_selector_find_body(c->selector, in_viewer, out);
+    adopt_selector(renderer);
+    return frame_selector_find_body(renderer->selector, in_viewer, out);
 }
 
 // ---------------------------------------------------------------- drawing
@@ -452,13 +453,13 @@ static enum status draw_part(struct cylinder_renderer *renderer, const struct cy
     return OK;
 }
 
-enum status cylinder_renderer_draw(struct cylinder_renderer *c, const struct cylinder_view *view, int *parts)
+enum status cylinder_renderer_draw(struct cylinder_renderer *renderer, const struct cylinder_view *view, int *parts)
 {
     struct frame_selection chosen[PART_COUNT] = {{0}};
-    enum status status = view->whole ? OK : frame_selector_find_parts(c->selector, view->in_viewer, chosen);
+    enum status status = view->whole ? OK : frame_selector_find_parts(renderer->selector, view->in_viewer, chosen);
     *parts = 0;
     for (int p = 0; p < PART_COUNT && status == OK; p++) {
-        enum status drawn = draw_part(c, view, chosen[p], (enum part)p);
+        enum status drawn = draw_part(renderer, view, chosen[p], (enum part)p);
         if (drawn < 0)
             return drawn;
         *parts += drawn == OK;

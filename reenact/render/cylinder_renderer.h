@@ -18,7 +18,7 @@ void cylinder_renderer_close(struct cylinder_renderer **c); // NULL is fine
 void cylinder_renderer_set_lens(struct cylinder_renderer *renderer, const struct lens *view);
 
 // The frame whose skeleton is nearest to in_viewer (viewer camera's axes): [D14] eq. 5, frame_selector_find_body.
-MUST_CHECK enum status cylinder_renderer_select(struct cylinder_renderer *c, const struct skeleton *in_viewer,
+MUST_CHECK enum status cylinder_renderer_select(struct cylinder_renderer *renderer, const struct skeleton *in_viewer,
                                                 struct frame_selection *out);
 
 struct cylinder_view {
@@ -29,5 +29,5 @@ struct cylinder_view {
     struct gpu_target *source; // encoding of renderer_read_source; NULL: not wanted
 };
 // *parts: number of parts drawn. Errors of take_read; ERR_DEVICE.
-MUST_CHECK enum status cylinder_renderer_draw(struct cylinder_renderer *c, const struct cylinder_view *view,
+MUST_CHECK enum status cylinder_renderer_draw(struct cylinder_renderer *renderer, const struct cylinder_view *view,
                                               int *parts);

@@ -206,17 +206,17 @@ void depth_overlay_draw(struct depth_overlay *depth_overlay, struct gpu_target *
         ask_points(depth_overlay, picture, overlay);
 }
 
-enum status depth_overlay_read(struct depth_overlay *o, float share[OVERLAY_GROUPS_MAX], int *count)
+enum status depth_overlay_read(struct depth_overlay *overlay, float share[OVERLAY_GROUPS_MAX], int *count)
 {
     uint8_t rgba[4 * POINTS_MAX];
-    *count = o->groups;
-    if (!o->groups)
+    *count = overlay->groups;
+    if (!overlay->groups)
         return OK;
-    const enum status status = gpu_target_read(o->answers, rgba);
-    for (int g = 0; g < o->groups && status == OK; g++) {
+    const enum status status = gpu_target_read(overlay->answers, rgba);
+    for (int g = 0; g < overlay->groups && status == OK; g++) {
         int inside = 0, seen = 0;
         for (int i = g * OVERLAY_POINTS; i < (g + 1) * OVERLAY_POINTS; i++)
-            if (o->inside[i]) {
+            if (overlay->inside[i]) {
                 inside++;
                 seen += rgba[4 * i];
             }

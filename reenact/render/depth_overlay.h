@@ -47,4 +47,4 @@ void depth_overlay_draw(struct depth_overlay *depth_overlay, struct gpu_target *
 // The answers to the last points asked for: of each group the share, of those of its points that the image contains,
 // that is seen; 1: it contains none. Waits for the GPU, which is short if something else was done since. *count: of
 // groups; 0: none were asked for. ERR_DEVICE.
-MUST_CHECK enum status depth_overlay_read(struct depth_overlay *o, float share[OVERLAY_GROUPS_MAX], int *count);
+MUST_CHECK enum status depth_overlay_read(struct depth_overlay *overlay, float share[OVERLAY_GROUPS_MAX], int *count);

@@ -184,17 +184,17 @@ void occlusion_shadow_set_front_only(struct occlusion_shadow *shadow, bool front
     shadow->front_only = front_only;
 }
 
-enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occluder_mesh *room)
+enum status occlusion_shadow_set_room(struct occlusion_shadow *shadow, struct occluder_mesh *room)
 {
-    struct occlusion_shadow next = *a;
+    struct occlusion_shadow next = *shadow;
     next.room = *room;
     next.mesh = NULL;
     next.occluding = NULL;
     *room = (struct occluder_mesh){0};
     enum status status = open_mesh(&next);
-    close_mesh(status == OK ? a : &next);
+    close_mesh(status == OK ? shadow : &next);
     if (status == OK)
-        *a = next;
+        *shadow = next;
     return status;
 }
 

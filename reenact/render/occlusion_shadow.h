@@ -27,7 +27,7 @@ void occlusion_shadow_set_lens(struct occlusion_shadow *shadow, const struct len
 
 // Replaces the occluder mesh. Takes over its contents and zeroes *room, also on failure; the previous mesh then stays.
 // ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occluder_mesh *room);
+MUST_CHECK enum status occlusion_shadow_set_room(struct occlusion_shadow *shadow, struct occluder_mesh *room);
 
 // front_only: triangles that turn their back to the viewer hide nothing, as when one looks into a room from outside
 // through its walls. Initially false.

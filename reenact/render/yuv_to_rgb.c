@@ -69,14 +69,14 @@ void yuv_to_rgb_close(struct yuv_to_rgb **rgb)
     *rgb = NULL;
 }
 
-enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *image,
+enum status yuv_to_rgb_draw(struct yuv_to_rgb *converter, const struct dmabuf_image *image,
                             const struct gpu_texture *const planes[2])
 {
-    if (!r->target || r->width != image->width || r->height != image->height) {
-        gpu_target_close(&r->target);
-        r->width = image->width;
-        r->height = image->height;
-        enum status status = gpu_target_open(&r->target, r->gpu, image->width, image->height);
+    if (!converter->target || converter->width != image->width || converter->height != image->height) {
+        gpu_target_close(&converter->target);
+        converter->width = image->width;
+        converter->height = image->height;
+        enum status status = gpu_target_open(&converter->target, converter->gpu, image->width, image->height);
         if (status != OK)
             return status;
     }
@@ -84,15 +84,18 @@ enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *ima
     const float arrangement[4] = {(float)image->layout, 0, 0, 0};
     const float coefficients[8] = {
         (float)k.y, (float)k.r_cr, (float)k.g_cb, (float)k.g_cr, (float)k.b_cb, (float)k.y_zero, 0, 0};
-    gpu_program_set(r->program, ARRANGEMENT, arrangement, 1);
-    gpu_program_set(r->program, COEFFICIENTS, coefficients, 2);
-    gpu_draw(&(struct gpu_job){.target = r->target,
-                               .program = r->program,
-                               .mesh = r->fullscreen,
+    gpu_program_set(converter->program, ARRANGEMENT, arrangement, 1);
+    gpu_program_set(converter->program, COEFFICIENTS, coefficients, 2);
+    gpu_draw(&(struct gpu_job){.target = converter->target,
+                               .program = converter->program,
+                               .mesh = converter->fullscreen,
                                .textures = {planes[0], planes[1] ? planes[1] : planes[0]}});
-    return gpu_check(r->gpu);
+    return gpu_check(converter->gpu);
 }
 
 const struct gpu_texture *yuv_to_rgb_texture(struct yuv_to_rgb *rgb) { return gpu_target_texture(rgb->target); }
 
-enum status yuv_to_rgb_read(struct yuv_to_rgb *r, uint8_t *rgba) { return gpu_target_read(r->target, rgba); }
+enum status yuv_to_rgb_read(struct yuv_to_rgb *converter, uint8_t *rgba)
+{
+    return gpu_target_read(converter->target, rgba);
+}

@@ -18,9 +18,9 @@ void yuv_to_rgb_close(struct yuv_to_rgb **rgb); // NULL is fine
 
 // Draws the image (its layout, size and encoding) from the textures of its planes, which the GPU has read once
 // a gpu_fence opened after it has passed.
-MUST_CHECK enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *image,
+MUST_CHECK enum status yuv_to_rgb_draw(struct yuv_to_rgb *converter, const struct dmabuf_image *image,
                                        const struct gpu_texture *const planes[2]);
 
 // The image last drawn; valid until one of another size is drawn, or the end.
 const struct gpu_texture *yuv_to_rgb_texture(struct yuv_to_rgb *rgb);
-MUST_CHECK enum status yuv_to_rgb_read(struct yuv_to_rgb *r, uint8_t *rgba); // width * height * 4
+MUST_CHECK enum status yuv_to_rgb_read(struct yuv_to_rgb *converter, uint8_t *rgba); // width * height * 4

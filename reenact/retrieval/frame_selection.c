@@ -232,22 +232,23 @@ void frame_selector_close(struct frame_selector **selector)
     *selector = NULL;
 }
 
-enum status frame_selector_add(struct frame_selector *s, int64_t frame, const struct skeleton *in_camera,
+enum status frame_selector_add(struct frame_selector *selector, int64_t frame, const struct skeleton *in_camera,
                                const struct body *body)
 {
-    assert(s->count < s->capacity && (s->count == 0 || s->frames[s->count - 1] < frame));
+    assert(selector->count < selector->capacity &&
+           (selector->count == 0 || selector->frames[selector->count - 1] < frame));
     enum status status = check_finite(in_camera);
     if (status != OK)
         return status;
-    int64_t n = s->count++;
-    s->frames[n] = frame;
-    s->skeletons[n] = *in_camera;
+    int64_t n = selector->count++;
+    selector->frames[n] = frame;
+    selector->skeletons[n] = *in_camera;
     struct pose_index_point point = body_point(in_camera);
-    pose_index_add(s->body_index, &point);
+    pose_index_add(selector->body_index, &point);
     for (int p = 0; p < PART_COUNT; p++) {
-        s->views[p][n] = part_view_of(in_camera, body, (enum part)p);
-        point = part_point(&s->views[p][n]);
-        pose_index_add(s->part_index[p], &point);
+        selector->views[p][n] = part_view_of(in_camera, body, (enum part)p);
+        point = part_point(&selector->views[p][n]);
+        pose_index_add(selector->part_index[p], &point);
     }
     return OK;
 }
@@ -301,7 +302,7 @@ static double body_cost(const void *context, int64_t number)
     return joints >= target->needed ? sum * JOINT_COUNT / joints : -1;
 }
 
-enum status frame_selector_find_body(const struct frame_selector *s, const struct skeleton *in_viewer,
+enum status frame_selector_find_body(const struct frame_selector *selector, const struct skeleton *in_viewer,
                                      struct frame_selection *out)
 {
     enum status status = check_finite(in_viewer);
@@ -312,11 +313,11 @@ enum status frame_selector_find_body(const struct frame_selector *s, const struc
     int known = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
         known += in_viewer->confidence[j] > 0;
-    struct body_target target = {s->skeletons, in_viewer, (known + 1) / 2};
+    struct body_target target = {selector->skeletons, in_viewer, (known + 1) / 2};
     struct pose_index_query query = {
         .point = body_point(in_viewer), .scale = (double)JOINT_COUNT / known, .cost = body_cost, .context = &target};
-    pose_index_find(s->body_index, &query);
-    return fill_selection(s, &query, out);
+    pose_index_find(selector->body_index, &query);
+    return fill_selection(selector, &query, out);
 }
 
 // ---------------------------------------------------------------- one part
@@ -363,14 +364,14 @@ static enum status find_part(const struct frame_selector *selector, const struct
     return fill_selection(selector, &query, out);
 }
 
-enum status frame_selector_find_part(const struct frame_selector *s, const struct skeleton *in_viewer, enum part p,
-                                     struct frame_selection *out)
+enum status frame_selector_find_part(const struct frame_selector *selector, const struct skeleton *in_viewer,
+                                     enum part p, struct frame_selection *out)
 {
     const enum status status = check_finite(in_viewer);
-    return status == OK ? find_part(s, in_viewer, p, out) : status;
+    return status == OK ? find_part(selector, in_viewer, p, out) : status;
 }
 
-enum status frame_selector_find_parts(const struct frame_selector *s, const struct skeleton *in_viewer,
+enum status frame_selector_find_parts(const struct frame_selector *selector, const struct skeleton *in_viewer,
                                       struct frame_selection out[PART_COUNT])
 {
     const enum status status = check_finite(in_viewer);
@@ -379,7 +380,7 @@ enum status frame_selector_find_parts(const struct frame_selector *s, const stru
     enum status any = NOTHING;
     for (int p = 0; p < PART_COUNT; p++) {
         out[p] = (struct frame_selection){-1, 0};
-        if (find_part(s, in_viewer, (enum part)p, &out[p]) == OK)
+        if (find_part(selector, in_viewer, (enum part)p, &out[p]) == OK)
             any = OK;
     }
     return any;

@@ -27,8 +27,8 @@ void frame_selector_close(struct frame_selector **selector);
 
 // Adds frame number `frame` (rising) with its skeleton in its camera's axes. body: for
 // occlusion by the body; NULL: none. ERR_INPUT: a known joint is not finite; nothing is added.
-MUST_CHECK enum status frame_selector_add(struct frame_selector *s, int64_t frame, const struct skeleton *in_camera,
-                                          const struct body *body);
+MUST_CHECK enum status frame_selector_add(struct frame_selector *selector, int64_t frame,
+                                          const struct skeleton *in_camera, const struct body *body);
 
 // Excludes the frame for this part: its image does not show it.
 void frame_selector_exclude(struct frame_selector *selector, int64_t frame, enum part part);
@@ -36,14 +36,15 @@ void frame_selector_exclude(struct frame_selector *selector, int64_t frame, enum
 // in_viewer: the skeleton to be shown, in the viewer camera's axes.
 // NOTHING: no frame has a neck and at least half of the skeleton's known joints,
 // or in_viewer has no neck. ERR_INPUT: a known joint is not finite.
-MUST_CHECK enum status frame_selector_find_body(const struct frame_selector *s, const struct skeleton *in_viewer,
+MUST_CHECK enum status frame_selector_find_body(const struct frame_selector *selector, const struct skeleton *in_viewer,
                                                 struct frame_selection *out);
 
 // NOTHING: the part is unknown in in_viewer or in every frame. ERR_INPUT as above.
-MUST_CHECK enum status frame_selector_find_part(const struct frame_selector *s, const struct skeleton *in_viewer,
+MUST_CHECK enum status frame_selector_find_part(const struct frame_selector *selector, const struct skeleton *in_viewer,
                                                 enum part p, struct frame_selection *out);
 
 // All parts; frame -1 where frame_selector_find_part answers NOTHING. NOTHING:
 // for all parts. ERR_INPUT as above.
-MUST_CHECK enum status frame_selector_find_parts(const struct frame_selector *s, const struct skeleton *in_viewer,
+MUST_CHECK enum status frame_selector_find_parts(const struct frame_selector *selector,
+                                                 const struct skeleton *in_viewer,
                                                  struct frame_selection out[PART_COUNT]);

@@ -102,9 +102,9 @@ void occluder_mesh_free(struct occluder_mesh *mesh)
     *mesh = (struct occluder_mesh){0};
 }
 
-enum status occluder_surface_nets(const struct occluder_grid *g, struct occluder_mesh *out, bool *too_large)
+enum status occluder_surface_nets(const struct occluder_grid *grid, struct occluder_mesh *out, bool *too_large)
 {
-    const size_t count = (size_t)g->size[0] * (size_t)g->size[1] * (size_t)g->size[2];
+    const size_t count = (size_t)grid->size[0] * (size_t)grid->size[1] * (size_t)grid->size[2];
     int32_t *number = malloc(sizeof *number * count);
     *out = (struct occluder_mesh){.points = malloc(sizeof *out->points * OCCLUDER_MAX_POINTS),
                                   .corners = malloc(sizeof *out->corners * 18 * OCCLUDER_MAX_POINTS)};
@@ -112,9 +112,9 @@ enum status occluder_surface_nets(const struct occluder_grid *g, struct occluder
     enum status status =
         number && out->points && out->corners ? OK : fail(ERR_MEMORY, "no memory for the room's surface");
     if (status == OK)
-        *too_large = !add_points(g, number, out);
+        *too_large = !add_points(grid, number, out);
     if (status == OK && !*too_large) {
-        add_faces(g, number, out);
+        add_faces(grid, number, out);
         status = out->corner_count ? OK : NOTHING;
     }
     free(number);

@@ -61,7 +61,8 @@ static inline size_t occluder_grid_index(const struct occluder_grid *grid, int x
 // Extracts the zero crossing by naive surface nets (after Gibson 1998, without relaxation). OK with *too_large: it has
 // more than OCCLUDER_MAX_POINTS vertices, *out is empty. NOTHING: there is no surface. ERR_MEMORY. On OK
 // occluder_mesh_free(out) frees the mesh, which has no spheres yet.
-MUST_CHECK enum status occluder_surface_nets(const struct occluder_grid *g, struct occluder_mesh *out, bool *too_large);
+MUST_CHECK enum status occluder_surface_nets(const struct occluder_grid *grid, struct occluder_mesh *out,
+                                             bool *too_large);
 
 // ---------------------------------------------------------------- occlusion frustum
 

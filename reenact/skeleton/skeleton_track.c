@@ -338,21 +338,22 @@ static void interpolate_joints(const struct skeleton_track *track, int64_t befor
         }
 }
 
-enum status skeleton_track_at(const struct skeleton_track *m, int64_t time_ns, bool smooth, struct track_sample *out)
+enum status skeleton_track_at(const struct skeleton_track *track, int64_t time_ns, bool smooth,
+                              struct track_sample *out)
 {
-    const int64_t next = first_after(m, time_ns);
-    const int64_t after = next < m->count ? next : m->count - 1, before = next > 0 ? next - 1 : 0;
-    const int64_t before_ns = time_at(m, before), after_ns = time_at(m, after);
+    const int64_t next = first_after(track, time_ns);
+    const int64_t after = next < track->count ? next : track->count - 1, before = next > 0 ? next - 1 : 0;
+    const int64_t before_ns = time_at(track, before), after_ns = time_at(track, after);
     const int64_t nearest = llabs(time_ns - before_ns) <= llabs(after_ns - time_ns) ? before : after;
-    if (llabs(time_ns - time_at(m, nearest)) > MAX_GAP_NS)
+    if (llabs(time_ns - time_at(track, nearest)) > MAX_GAP_NS)
         return NOTHING;
     *out = (struct track_sample){
-        .frame = m->frames[nearest],
-        .skeleton = smooth ? inpainted_at(m, nearest) : recorded_at(m, nearest),
-        .world_from_camera = world_from_camera_at(m, nearest),
+        .frame = track->frames[nearest],
+        .skeleton = smooth ? inpainted_at(track, nearest) : recorded_at(track, nearest),
+        .world_from_camera = world_from_camera_at(track, nearest),
     };
     if (smooth && before != after && time_ns > before_ns && after_ns - before_ns <= MAX_GAP_NS)
-        interpolate_joints(m, before, after, (double)(time_ns - before_ns) / (double)(after_ns - before_ns),
+        interpolate_joints(track, before, after, (double)(time_ns - before_ns) / (double)(after_ns - before_ns),
                            &out->skeleton);
     return OK;
 }

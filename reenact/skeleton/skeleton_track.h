@@ -86,5 +86,5 @@ struct track_sample {
 // time_ns: since the take's first frame. smooth: joints are interpolated linearly between the frames before and after,
 // inpainted joints included, and their covariances with them; else they are as recorded in the
 // nearest frame (the earlier one on a tie). NOTHING: more than half a second from any skeleton; *out is then unchanged.
-MUST_CHECK enum status skeleton_track_at(const struct skeleton_track *m, int64_t time_ns, bool smooth,
+MUST_CHECK enum status skeleton_track_at(const struct skeleton_track *track, int64_t time_ns, bool smooth,
                                          struct track_sample *out);
