@@ -44,7 +44,7 @@ int capture_thread_count(const struct capture_thread *thread); // jobs not taken
 enum { CAPTURE_MAX = 8 };
 
 static void capture_thread_close(struct capture_thread **t);
-static enum status surface_points_gather(struct surface_points *s, const struct voxel_map *map);
+static enum status surface_points_gather(struct surface_points *points, const struct voxel_map *map);
 static void surface_points_free(struct surface_points *points);
 static struct world_points surface_points_world(const struct surface_points *points);
 
@@ -204,9 +204,9 @@ static void capture_thread_close(struct capture_thread **out)
 
 int capture_thread_count(const struct capture_thread *thread) { return thread->in_flight; }
 
-static enum status capture_thread_put(struct capture_thread *t, const struct capture_job *job)
+static enum status capture_thread_put(struct capture_thread *thread, const struct capture_job *job)
 {
-    if (t->in_flight == CAPTURE_MAX)
+    if (thread->in_flight == CAPTURE_MAX)
         return NOTHING;
     struct capture_job *own = malloc(sizeof *own);
     if (!own)
@@ -214,49 +214,49 @@ static enum status capture_thread_put(struct capture_thread *t, const struct cap
     *own = *job;
     own->surface = NULL;
     own->failure = (struct failure){0};
-    queue_put(t->fresh, own);
-    t->in_flight++;
+    queue_put(thread->fresh, own);
+    thread->in_flight++;
     return OK;
 }
 
 // CAPTURE_NONE: nothing is done. With CAPTURE_WITH_DEPTH the picture in *out is the caller's again.
-static enum capture_stage capture_thread_take(struct capture_thread *t, struct capture_job *out)
+static enum capture_stage capture_thread_take(struct capture_thread *thread, struct capture_job *out)
 {
-    const bool aligned = queue_count(t->aligned) > 0;
-    if (!aligned && !queue_count(t->done))
+    const bool aligned = queue_count(thread->aligned) > 0;
+    if (!aligned && !queue_count(thread->done))
         return CAPTURE_NONE;
-    struct capture_job *job = queue_take(aligned ? t->aligned : t->done);
+    struct capture_job *job = queue_take(aligned ? thread->aligned : thread->done);
     *out = *job;
     free(job); // what it held is the caller's
-    t->in_flight -= !aligned;
+    thread->in_flight -= !aligned;
     return aligned ? CAPTURE_ALIGNED : CAPTURE_WITH_DEPTH;
 }
 
 // ---------------------------------------------------------------- surface points
 
-// Replaces what is in *s. ERR_MEMORY.
-static enum status surface_points_gather(struct surface_points *s, const struct voxel_map *map)
+// Replaces what is in *points. ERR_MEMORY.
+static enum status surface_points_gather(struct surface_points *points, const struct voxel_map *map)
 {
-    if (map->used + 1 > s->capacity) {
+    if (map->used + 1 > points->capacity) {
         const size_t capacity = map->used + map->used / 4 + 1;
-        float(*xyz)[3] = realloc(s->xyz, capacity * sizeof *xyz);
+        float(*xyz)[3] = realloc(points->xyz, capacity * sizeof *xyz);
         if (xyz)
-            s->xyz = xyz;
-        float *weights = realloc(s->weights, capacity * sizeof *weights);
+            points->xyz = xyz;
+        float *weights = realloc(points->weights, capacity * sizeof *weights);
         if (weights)
-            s->weights = weights;
+            points->weights = weights;
         if (!xyz || !weights)
             return fail(ERR_MEMORY, "no memory for the points of a surface");
-        s->capacity = capacity;
+        points->capacity = capacity;
     }
-    s->count = 0;
+    points->count = 0;
     for (size_t i = 0; i < map->size; i++)
         if (map->table[i].key) {
             double mean[3];
             voxel_mean(map, &map->table[i], mean);
             for (int k = 0; k < 3; k++)
-                s->xyz[s->count][k] = (float)mean[k];
-            s->weights[s->count++] = (float)(map->table[i].weight * 1e-6);
+                points->xyz[points->count][k] = (float)mean[k];
+            points->weights[points->count++] = (float)(map->table[i].weight * 1e-6);
         }
     return OK;
 }
@@ -505,18 +505,18 @@ static void add_photo_equations(void *self, const struct pose *world_from_body, 
     free(sights);
 }
 
-enum status photo_alignment_add(struct photo_refinement *r, struct depth_alignment *alignment,
+enum status photo_alignment_add(struct photo_refinement *refinement, struct depth_alignment *alignment,
                                 const struct surround_picture *picture, const struct depth_points *points,
                                 struct pose odometry, struct pose *world_from_body)
 {
-    enum status status = begin_refinement(r, picture, points);
+    enum status status = begin_refinement(refinement, picture, points);
     if (status != OK)
         return status;
-    alignment->more = (struct pose_evidence){add_photo_equations, r};
+    alignment->more = (struct pose_evidence){add_photo_equations, refinement};
     status = depth_alignment_add(alignment, points, odometry, world_from_body);
     alignment->more = (struct pose_evidence){0};
     if (status == OK)
-        end_refinement(r, pose_multiply(*world_from_body, r->body_from_picture));
+        end_refinement(refinement, pose_multiply(*world_from_body, refinement->body_from_picture));
     return status;
 }
 
@@ -569,26 +569,28 @@ static enum status open_parts(struct surroundings *surroundings, const struct le
     return status;
 }
 
-enum status surroundings_open(struct surroundings *s, const char *folder, const struct surroundings_options *how)
+enum status surroundings_open(struct surroundings *surroundings, const char *folder,
+                              const struct surroundings_options *how)
 {
-    *s = (struct surroundings){0};
-    const enum status status = surround_set_read(&s->set, folder);
+    *surroundings = (struct surroundings){0};
+    const enum status status = surround_set_read(&surroundings->set, folder);
     if (status != OK)
         return status;
-    s->kind = s->set.filmed ? SURROUNDINGS_FILMED : SURROUNDINGS_VEHICLE;
-    if (s->set.robot)
-        s->kind = SURROUNDINGS_ROBOT;
-    s->body_from_panorama = s->set.body_from_panorama;
-    const struct surroundings_options usual = surroundings_default_options(s->kind);
-    return open_parts(s, &s->set.view, how ? how : &usual);
+    surroundings->kind = surroundings->set.filmed ? SURROUNDINGS_FILMED : SURROUNDINGS_VEHICLE;
+    if (surroundings->set.robot)
+        surroundings->kind = SURROUNDINGS_ROBOT;
+    surroundings->body_from_panorama = surroundings->set.body_from_panorama;
+    const struct surroundings_options usual = surroundings_default_options(surroundings->kind);
+    return open_parts(surroundings, &surroundings->set.view, how ? how : &usual);
 }
 
-enum status surroundings_open_live(struct surroundings *s, enum surroundings_kind kind, const struct lens *view,
-                                   struct pose body_from_panorama, const struct surroundings_options *how)
+enum status surroundings_open_live(struct surroundings *surroundings, enum surroundings_kind kind,
+                                   const struct lens *view, struct pose body_from_panorama,
+                                   const struct surroundings_options *how)
 {
-    *s = (struct surroundings){.kind = kind, .body_from_panorama = body_from_panorama};
+    *surroundings = (struct surroundings){.kind = kind, .body_from_panorama = body_from_panorama};
     const struct surroundings_options usual = surroundings_default_options(kind);
-    return open_parts(s, view, how ? how : &usual);
+    return open_parts(surroundings, view, how ? how : &usual);
 }
 
 void surroundings_close(struct surroundings *surroundings)
@@ -746,33 +748,34 @@ static enum status hand_over(struct surroundings *surroundings, struct surround_
     return status < OK ? status : OK;
 }
 
-enum status surroundings_take(struct surroundings *s, struct surround_picture *picture,
+enum status surroundings_take(struct surroundings *surroundings, struct surround_picture *picture,
                               const struct depth_points *points, struct pose odometry)
 {
     struct pose pose;
-    s->taken_odometry = odometry;
-    s->any_taken = true;
-    if (s->thread)
-        return hand_over(s, picture, points, odometry);
-    int64_t (*const clock)(void) = s->processor_clock;
+    surroundings->taken_odometry = odometry;
+    surroundings->any_taken = true;
+    if (surroundings->thread)
+        return hand_over(surroundings, picture, points, odometry);
+    int64_t (*const clock)(void) = surroundings->processor_clock;
     const int64_t before = clock ? clock() : 0;
-    const enum status status = s->options.photo
-                                   ? photo_alignment_add(&s->photo, &s->alignment, picture, points, odometry, &pose)
-                                   : depth_alignment_add(&s->alignment, points, odometry, &pose);
+    const enum status status =
+        surroundings->options.photo
+            ? photo_alignment_add(&surroundings->photo, &surroundings->alignment, picture, points, odometry, &pose)
+            : depth_alignment_add(&surroundings->alignment, points, odometry, &pose);
     if (status < OK) {
         surround_picture_free(picture);
         return status;
     }
-    note_alignment(s, odometry, pose, status == OK, clock ? clock() - before : 0);
-    return keep_picture(s, picture, pose, false);
+    note_alignment(surroundings, odometry, pose, status == OK, clock ? clock() - before : 0);
+    return keep_picture(surroundings, picture, pose, false);
 }
 
-enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
+enum status surroundings_take_placed(struct surroundings *surroundings, struct surround_picture *picture,
                                      const struct depth_points *points, struct pose world_from_camera)
 {
-    const enum status status = depth_alignment_unify(&s->alignment, points, world_from_camera);
+    const enum status status = depth_alignment_unify(&surroundings->alignment, points, world_from_camera);
     if (status == OK)
-        return keep_picture(s, picture, world_from_camera, false);
+        return keep_picture(surroundings, picture, world_from_camera, false);
     surround_picture_free(picture);
     return status;
 }
@@ -852,26 +855,28 @@ static enum status make_depths(struct surroundings *surroundings, const struct s
     return status;
 }
 
-enum status surroundings_advance(struct surroundings *s, int64_t time_ns)
+enum status surroundings_advance(struct surroundings *surroundings, int64_t time_ns)
 {
     enum status status = OK;
-    while (status == OK && s->next < s->set.capture_count && s->set.captures[s->next].time_ns <= time_ns)
-        status = take_next(s);
+    while (status == OK && surroundings->next < surroundings->set.capture_count &&
+           surroundings->set.captures[surroundings->next].time_ns <= time_ns)
+        status = take_next(surroundings);
     return status;
 }
 
-enum status surroundings_start_threads(struct surroundings *s)
+enum status surroundings_start_threads(struct surroundings *surroundings)
 {
-    assert(s->kind == SURROUNDINGS_ROBOT);
+    assert(surroundings->kind == SURROUNDINGS_ROBOT);
     // What was captured before has its depth immediately: the threads know none of its points
     enum status status = OK;
-    for (int i = 0; i < s->taken && status == OK; i++) {
-        const struct surround_picture *one = &s->pictures[i];
-        status = make_depths(s, &one, 1);
+    for (int i = 0; i < surroundings->taken && status == OK; i++) {
+        const struct surround_picture *one = &surroundings->pictures[i];
+        status = make_depths(surroundings, &one, 1);
     }
     if (status != OK)
         return status;
-    return capture_thread_open(&s->thread, &s->alignment, &s->photo, &s->options.depth, s->processor_clock);
+    return capture_thread_open(&surroundings->thread, &surroundings->alignment, &surroundings->photo,
+                               &surroundings->options.depth, surroundings->processor_clock);
 }
 
 // The depth of the placed picture that is nearest to the newest among the stale ones, made again.
@@ -959,38 +964,39 @@ struct pose surroundings_bridge(const struct surroundings *surroundings, struct 
                          pose_multiply(pose_inverse(surroundings->aligned_odometry), odometry));
 }
 
-enum status surroundings_prepare(struct surroundings *s, struct pose world_from_view,
+enum status surroundings_prepare(struct surroundings *surroundings, struct pose world_from_view,
                                  const struct surround_picture *const **pictures, int *count)
 {
-    enum status status = collect_jobs(s);
+    enum status status = collect_jobs(surroundings);
     int usable = 0;
-    for (int i = 0; i < s->taken && status == OK; i++)
-        if (!s->blank[i] && (!s->thread || s->pictures[i].inverse))
-            s->nearest[usable++] = &s->pictures[i];
+    for (int i = 0; i < surroundings->taken && status == OK; i++)
+        if (!surroundings->blank[i] && (!surroundings->thread || surroundings->pictures[i].inverse))
+            surroundings->nearest[usable++] = &surroundings->pictures[i];
     if (status == OK)
-        status = surround_view_rank(world_from_view, s->nearest, usable);
-    *count = usable < s->options.max_pictures ? usable : s->options.max_pictures;
-    *pictures = s->nearest;
-    if (status == OK && !s->thread)
-        status = make_depths(s, s->nearest, *count);
+        status = surround_view_rank(world_from_view, surroundings->nearest, usable);
+    *count = usable < surroundings->options.max_pictures ? usable : surroundings->options.max_pictures;
+    *pictures = surroundings->nearest;
+    if (status == OK && !surroundings->thread)
+        status = make_depths(surroundings, surroundings->nearest, *count);
     if (status == OK)
-        status = exposure_even(&s->exposure, s->pictures, s->nearest, *count);
+        status = exposure_even(&surroundings->exposure, surroundings->pictures, surroundings->nearest, *count);
     if (status == OK)
-        exposure_suit_view(&s->exposure, s->pictures, s->nearest, usable, *count, world_from_view);
+        exposure_suit_view(&surroundings->exposure, surroundings->pictures, surroundings->nearest, usable, *count,
+                           world_from_view);
     return status;
 }
 
-enum status surroundings_draw(struct surroundings *s, struct pose world_from_view)
+enum status surroundings_draw(struct surroundings *surroundings, struct pose world_from_view)
 {
     const struct surround_picture *const *pictures;
     int count;
-    enum status status = surroundings_prepare(s, world_from_view, &pictures, &count);
-    const int64_t before = clock_now(s);
-    if (status == OK && s->plain)
-        surround_view_splat(&s->view, world_from_view, pictures, count);
+    enum status status = surroundings_prepare(surroundings, world_from_view, &pictures, &count);
+    const int64_t before = clock_now(surroundings);
+    if (status == OK && surroundings->plain)
+        surround_view_splat(&surroundings->view, world_from_view, pictures, count);
     else if (status == OK)
-        status = surround_view_draw(&s->view, world_from_view, pictures, count, &s->options.view);
-    s->draw_ns += clock_now(s) - before;
-    s->drawn++;
+        status = surround_view_draw(&surroundings->view, world_from_view, pictures, count, &surroundings->options.view);
+    surroundings->draw_ns += clock_now(surroundings) - before;
+    surroundings->drawn++;
     return status;
 }

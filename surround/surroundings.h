@@ -54,7 +54,7 @@ struct photo_refinement {
 void photo_refinement_free(struct photo_refinement *refinement); // a zeroed one is fine
 
 // depth_alignment_add, with the picture's evidence beside the planes'. The same statuses.
-MUST_CHECK enum status photo_alignment_add(struct photo_refinement *r, struct depth_alignment *alignment,
+MUST_CHECK enum status photo_alignment_add(struct photo_refinement *refinement, struct depth_alignment *alignment,
                                            const struct surround_picture *picture, const struct depth_points *points,
                                            struct pose odometry, struct pose *world_from_body);
 
@@ -107,10 +107,10 @@ struct surroundings {
 };
 
 // Of a folder. how NULL: the default. ERR_…: as surround_set_read.
-MUST_CHECK enum status surroundings_open(struct surroundings *s, const char *folder,
+MUST_CHECK enum status surroundings_open(struct surroundings *surroundings, const char *folder,
                                          const struct surroundings_options *options);
 // Of a robot or a filmed room whose captures are given one by one. ERR_MEMORY.
-MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surroundings_kind kind,
+MUST_CHECK enum status surroundings_open_live(struct surroundings *surroundings, enum surroundings_kind kind,
                                               const struct lens *view, struct pose body_from_panorama,
                                               const struct surroundings_options *options);
 void surroundings_close(struct surroundings *surroundings); // a zeroed one is fine
@@ -119,7 +119,7 @@ void surroundings_place_panorama(struct surroundings *surroundings, struct pose 
 
 // From now on a robot's captures are aligned and given depth on threads of their own (surroundings.c):
 // surroundings_take returns immediately, surroundings_draw uses what is ready. ERR_MEMORY.
-MUST_CHECK enum status surroundings_start_threads(struct surroundings *s);
+MUST_CHECK enum status surroundings_start_threads(struct surroundings *surroundings);
 
 // Whether it is time for a robot's next capture: 0.6 m, 20 degrees or 200 s after the one taken last.
 bool surroundings_wants(const struct surroundings *surroundings, struct pose odometry, int64_t since_ns);
@@ -128,20 +128,20 @@ bool surroundings_wants(const struct surroundings *surroundings, struct pose odo
 struct pose surroundings_bridge(const struct surroundings *surroundings, struct pose odometry);
 
 // Takes the set's captures up to a time.
-MUST_CHECK enum status surroundings_advance(struct surroundings *s, int64_t time_ns);
+MUST_CHECK enum status surroundings_advance(struct surroundings *surroundings, int64_t time_ns);
 
 // A live robot's capture. Owns the picture from now on, also after a failure; *picture is then zeroed. A capture that
 // does not fit the earlier ones keeps the odometry's pose and adds no points. With threads, one that comes while
 // CAPTURE_MAX are under way is left out.
-MUST_CHECK enum status surroundings_take(struct surroundings *s, struct surround_picture *picture,
+MUST_CHECK enum status surroundings_take(struct surroundings *surroundings, struct surround_picture *picture,
                                          const struct depth_points *points, struct pose odometry);
 // A filmed room's picture with its pose and depth points (in the camera's axes). Ownership as above.
-MUST_CHECK enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
+MUST_CHECK enum status surroundings_take_placed(struct surroundings *surroundings, struct surround_picture *picture,
                                                 const struct depth_points *points, struct pose world_from_camera);
 // The pictures for a viewpoint, nearest first, with depth, which is made where it is lacking or stale, and evened
-// exposure; borrowed until the next call that changes *s. None before the first capture.
-MUST_CHECK enum status surroundings_prepare(struct surroundings *s, struct pose world_from_view,
+// exposure; borrowed until the next call that changes *surroundings. None before the first capture.
+MUST_CHECK enum status surroundings_prepare(struct surroundings *surroundings, struct pose world_from_view,
                                             const struct surround_picture *const **pictures, int *count);
-// Prepares, and draws into s->view. Before the first
+// Prepares, and draws into surroundings->view. Before the first
 // capture nothing is seen.
-MUST_CHECK enum status surroundings_draw(struct surroundings *s, struct pose world_from_view);
+MUST_CHECK enum status surroundings_draw(struct surroundings *surroundings, struct pose world_from_view);

@@ -629,16 +629,16 @@ enum status search_branch_and_bound(const struct search_grid *grid, const double
 enum { REFINED_POINTS = 12000, WIDENED = 4, FEWEST_POINTS = 30, MAX_OUTLINE = 1500 };
 enum { AHEAD = 16 }; // points whose voxels are fetched while earlier ones are added
 
-enum status depth_alignment_open(struct depth_alignment *a, double surface_m)
+enum status depth_alignment_open(struct depth_alignment *alignment, double surface_m)
 {
-    *a = (struct depth_alignment){.world_from_body = POSE_IDENTITY, .odometry = POSE_IDENTITY};
-    enum status status = voxel_map_open(&a->surface, surface_m);
+    *alignment = (struct depth_alignment){.world_from_body = POSE_IDENTITY, .odometry = POSE_IDENTITY};
+    enum status status = voxel_map_open(&alignment->surface, surface_m);
     if (status == OK)
-        status = voxel_map_open(&a->planes, PLANES_M);
+        status = voxel_map_open(&alignment->planes, PLANES_M);
     if (status == OK)
-        status = voxel_map_open(&a->outline, OUTLINE_M);
+        status = voxel_map_open(&alignment->outline, OUTLINE_M);
     if (status != OK)
-        depth_alignment_close(a);
+        depth_alignment_close(alignment);
     return status;
 }
 
@@ -809,34 +809,34 @@ static enum status merge_points(struct depth_alignment *alignment, const struct 
     return status;
 }
 
-enum status depth_alignment_unify(struct depth_alignment *a, const struct depth_points *points,
+enum status depth_alignment_unify(struct depth_alignment *alignment, const struct depth_points *points,
                                   struct pose world_from_body)
 {
-    const enum status status = merge_points(a, points, &world_from_body);
+    const enum status status = merge_points(alignment, points, &world_from_body);
     if (status == OK)
-        a->capture_count++;
+        alignment->capture_count++;
     return status;
 }
 
-enum status depth_alignment_add(struct depth_alignment *a, const struct depth_points *points, struct pose odometry,
-                                struct pose *world_from_body)
+enum status depth_alignment_add(struct depth_alignment *alignment, const struct depth_points *points,
+                                struct pose odometry, struct pose *world_from_body)
 {
-    struct pose pose = a->capture_count ? depth_alignment_bridge(a, odometry) : POSE_IDENTITY;
+    struct pose pose = alignment->capture_count ? depth_alignment_bridge(alignment, odometry) : POSE_IDENTITY;
     *world_from_body = pose;
     enum status status = OK;
-    if (a->capture_count) {
-        status = search_pose(a, points, &pose);
+    if (alignment->capture_count) {
+        status = search_pose(alignment, points, &pose);
         if (status != OK)
             return status;
-        status = plane_refine(&a->planes, points, REFINED_POINTS, &a->more, &pose);
+        status = plane_refine(&alignment->planes, points, REFINED_POINTS, &alignment->more, &pose);
         if (status != OK)
             return status;
     }
-    status = merge_points(a, points, &pose);
+    status = merge_points(alignment, points, &pose);
     if (status != OK)
         return status;
-    a->odometry = odometry;
-    a->world_from_body = *world_from_body = pose;
-    a->capture_count++;
+    alignment->odometry = odometry;
+    alignment->world_from_body = *world_from_body = pose;
+    alignment->capture_count++;
     return OK;
 }

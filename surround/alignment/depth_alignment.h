@@ -142,14 +142,14 @@ struct depth_alignment {
 };
 
 // surface_m: side of the voxels that all points are averaged in. ERR_MEMORY.
-MUST_CHECK enum status depth_alignment_open(struct depth_alignment *a, double surface_m);
+MUST_CHECK enum status depth_alignment_open(struct depth_alignment *alignment, double surface_m);
 void depth_alignment_close(struct depth_alignment *alignment); // a zeroed one is fine
 
 // Aligns and adds a capture. *world_from_body: where it was. NOTHING: the points do not fit the earlier ones, not even
 // after the widened search; then *world_from_body is the odometry's, and the points are not added. ERR_MEMORY.
-MUST_CHECK enum status depth_alignment_add(struct depth_alignment *a, const struct depth_points *points,
+MUST_CHECK enum status depth_alignment_add(struct depth_alignment *alignment, const struct depth_points *points,
                                            struct pose odometry, struct pose *world_from_body);
 
 // Adds points whose pose is known.
-MUST_CHECK enum status depth_alignment_unify(struct depth_alignment *a, const struct depth_points *points,
+MUST_CHECK enum status depth_alignment_unify(struct depth_alignment *alignment, const struct depth_points *points,
                                              struct pose world_from_body);

@@ -72,10 +72,10 @@ static void spread_flood(struct flood *flood, int32_t from, int level, int max)
     }
 }
 
-enum status watershed_grow(const struct surround_picture *p, int reach, int max_edge, int32_t *label)
+enum status watershed_grow(const struct surround_picture *picture, int reach, int max_edge, int32_t *label)
 {
-    const size_t pixels = (size_t)p->width * (size_t)p->height;
-    struct flood f = {.p = p, .label = label, .lowest = LEVELS, .highest = level_of(max_edge)};
+    const size_t pixels = (size_t)picture->width * (size_t)picture->height;
+    struct flood f = {.p = picture, .label = label, .lowest = LEVELS, .highest = level_of(max_edge)};
     f.next = malloc(pixels * sizeof *f.next);
     f.distance = calloc(pixels, sizeof *f.distance);
     enum status status = f.next && f.distance ? OK : fail(ERR_MEMORY, "no memory for a picture's segments");
@@ -658,30 +658,31 @@ static void set_up(struct depth_seeds *seeds, const struct surround_picture *pic
         seeds->up[k] = (float)picture->axes[2][k];
 }
 
-enum status depth_seeds_make(struct depth_seeds *s, const struct surround_picture *p, const struct world_points *points,
-                             const struct depth_options *how)
+enum status depth_seeds_make(struct depth_seeds *seeds, const struct surround_picture *picture,
+                             const struct world_points *points, const struct depth_options *how)
 {
-    const size_t pixels = (size_t)p->width * (size_t)p->height;
+    const size_t pixels = (size_t)picture->width * (size_t)picture->height;
     const size_t max = (size_t)points->count < pixels ? (size_t)points->count : pixels;
-    *s = (struct depth_seeds){.list = malloc((max + 1) * sizeof *s->list),
-                              .at = alloc_cache_aligned(pixels * sizeof *s->at),
-                              .before = alloc_cache_aligned((size_t)(p->width + 1) * (size_t)(p->height + 1) * 4)};
-    if (!s->list || !s->at || !s->before) {
-        depth_seeds_free(s);
+    *seeds = (struct depth_seeds){
+        .list = malloc((max + 1) * sizeof *seeds->list),
+        .at = alloc_cache_aligned(pixels * sizeof *seeds->at),
+        .before = alloc_cache_aligned((size_t)(picture->width + 1) * (size_t)(picture->height + 1) * 4)};
+    if (!seeds->list || !seeds->at || !seeds->before) {
+        depth_seeds_free(seeds);
         return fail(ERR_MEMORY, "no memory for a picture's depth");
     }
-    memset(s->at, 0xff, pixels * sizeof *s->at);
-    set_up(s, p);
-    s->sparse = how->sparse;
-    project_points(s, p, points, how);
-    sum_area(s, p->width, p->height);
-    for (int i = 0; i < s->count; i++)
-        fit_plane(s, p, i, (float)how->tolerance);
-    for (int i = 0; i < s->count; i++)
-        s->list[i].hidden = is_hidden(s, p, &s->list[i]);
-    const enum status status = !s->sparse ? OK : fit_visible(s, p, (float)how->tolerance);
+    memset(seeds->at, 0xff, pixels * sizeof *seeds->at);
+    set_up(seeds, picture);
+    seeds->sparse = how->sparse;
+    project_points(seeds, picture, points, how);
+    sum_area(seeds, picture->width, picture->height);
+    for (int i = 0; i < seeds->count; i++)
+        fit_plane(seeds, picture, i, (float)how->tolerance);
+    for (int i = 0; i < seeds->count; i++)
+        seeds->list[i].hidden = is_hidden(seeds, picture, &seeds->list[i]);
+    const enum status status = !seeds->sparse ? OK : fit_visible(seeds, picture, (float)how->tolerance);
     if (status != OK)
-        depth_seeds_free(s);
+        depth_seeds_free(seeds);
     return status;
 }
 

@@ -12,7 +12,7 @@
 // (steps along a panorama's row count by their true width) and over no edge above `max_edge` levels of a channel (255:
 // over all); the others stay free. ERR_MEMORY.
 enum { WATERSHED_FREE = -1, WATERSHED_BARRED = -2 };
-MUST_CHECK enum status watershed_grow(const struct surround_picture *p, int reach, int max_edge, int32_t *label);
+MUST_CHECK enum status watershed_grow(const struct surround_picture *picture, int reach, int max_edge, int32_t *label);
 
 // ---------------------------------------------------------------- point colors
 
@@ -52,6 +52,6 @@ struct depth_seeds {
 };
 
 // The nearest point of each pixel, with the planes fitted and the hidden marked. ERR_MEMORY.
-MUST_CHECK enum status depth_seeds_make(struct depth_seeds *s, const struct surround_picture *p,
+MUST_CHECK enum status depth_seeds_make(struct depth_seeds *seeds, const struct surround_picture *picture,
                                         const struct world_points *points, const struct depth_options *options);
 void depth_seeds_free(struct depth_seeds *seeds); // a zeroed one is fine

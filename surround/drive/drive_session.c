@@ -92,28 +92,28 @@ static struct surroundings *seen_by(struct drive_session *session)
     }
 }
 
-enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how)
+enum status drive_session_open(struct drive_session *session, const char *uri, const struct drive_options *how)
 {
-    *s = (struct drive_session){.options = *how,
-                                .eye = {.viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2}};
-    s->watch.patience_s = how->patience_s;
+    *session = (struct drive_session){.options = *how,
+                                      .eye = {.viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2}};
+    session->watch.patience_s = how->patience_s;
     enum status status;
     if (!strncmp(uri, "sim:", 4)) {
-        s->kind = DRIVE_SIMULATED;
-        status = open_simulated(s, uri + 4);
+        session->kind = DRIVE_SIMULATED;
+        status = open_simulated(session, uri + 4);
     } else if (!strncmp(uri, "folder:", 7)) {
-        s->kind = DRIVE_PLAYED;
-        status = open_folder(s, uri + 7);
+        session->kind = DRIVE_PLAYED;
+        status = open_folder(session, uri + 7);
     } else if (!strncmp(uri, "ros:", 4)) {
-        s->kind = DRIVE_ROS;
-        status = open_ros(s, uri + 4);
+        session->kind = DRIVE_ROS;
+        status = open_ros(session, uri + 4);
     } else
         status = fail(ERR_INPUT, "'%s' is no robot; use ros:, folder:DIR or sim:", uri);
-    seen_by(s)->processor_clock = how->processor_clock;
+    seen_by(session)->processor_clock = how->processor_clock;
     if (status == OK && how->threads)
-        status = surroundings_start_threads(seen_by(s));
+        status = surroundings_start_threads(seen_by(session));
     if (status != OK)
-        drive_session_close(s);
+        drive_session_close(session);
     return status;
 }
 
@@ -195,11 +195,11 @@ static enum status step_session(struct drive_session *session, int64_t now_ns, c
     return status == OK ? simulated_rover_step(&session->rover, carried, 0) : status;
 }
 
-enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
+enum status drive_session_step(struct drive_session *session, int64_t now_ns, const struct drive_command *command)
 {
-    const enum status status = step_session(s, now_ns, command);
+    const enum status status = step_session(session, now_ns, command);
     if (status == OK)
-        drive_path_add(&s->path, drive_session_pose(s).translation);
+        drive_path_add(&session->path, drive_session_pose(session).translation);
     return status;
 }
 
@@ -303,32 +303,32 @@ static void fill_overlay(struct drive_session *session, struct pose body, struct
     }
 }
 
-enum status drive_session_prepare(struct drive_session *s, struct drive_scene *out)
+enum status drive_session_prepare(struct drive_session *session, struct drive_scene *out)
 {
-    struct surroundings *seen = seen_by(s);
-    const struct pose body = drive_session_pose(s);
+    struct surroundings *seen = seen_by(session);
+    const struct pose body = drive_session_pose(session);
     *out = (struct drive_scene){
-        .world_from_view = eye_of(s, body), .lens = seen->view.lens, .options = seen->options.view};
-    memcpy(out->size_m, drive_session_size(s), sizeof out->size_m);
+        .world_from_view = eye_of(session, body), .lens = seen->view.lens, .options = seen->options.view};
+    memcpy(out->size_m, drive_session_size(session), sizeof out->size_m);
     const enum status status = surroundings_prepare(seen, out->world_from_view, &out->pictures, &out->count);
     if (status == OK)
-        fill_overlay(s, body, &out->overlay);
+        fill_overlay(session, body, &out->overlay);
     return status;
 }
 
-enum status drive_session_draw(struct drive_session *s, const struct surround_view **view)
+enum status drive_session_draw(struct drive_session *session, const struct surround_view **view)
 {
-    struct surroundings *seen = seen_by(s);
-    const struct pose body = drive_session_pose(s);
-    const enum status status = surroundings_draw(seen, eye_of(s, body));
+    struct surroundings *seen = seen_by(session);
+    const struct pose body = drive_session_pose(session);
+    const enum status status = surroundings_draw(seen, eye_of(session, body));
     if (status != OK)
         return status;
     struct operator_overlay overlay;
     struct nearest_thing thing = {0};
-    fill_overlay(s, body, &overlay);
-    s->near = nearest_in_view(&seen->view, body, drive_session_size(s), 0.1, &thing) == OK;
-    s->nearest_m = thing.distance_m;
-    operator_overlay_draw(&seen->view, &overlay, s->near ? &thing : NULL);
+    fill_overlay(session, body, &overlay);
+    session->near = nearest_in_view(&seen->view, body, drive_session_size(session), 0.1, &thing) == OK;
+    session->nearest_m = thing.distance_m;
+    operator_overlay_draw(&seen->view, &overlay, session->near ? &thing : NULL);
     *view = &seen->view;
     return OK;
 }

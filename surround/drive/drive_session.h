@@ -54,13 +54,14 @@ struct drive_session {
 };
 
 // ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.
-MUST_CHECK enum status drive_session_open(struct drive_session *s, const char *uri,
+MUST_CHECK enum status drive_session_open(struct drive_session *session, const char *uri,
                                           const struct drive_options *options);
 void drive_session_close(struct drive_session *session); // a zeroed one is fine
 
 // Moves on to `now_ns` (session time, rising). command: what the operator sends at this moment; NULL: nothing. What was
 // sent before moves the simulated robot until then, for as long as its watchdog lets it (patience_s).
-MUST_CHECK enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command);
+MUST_CHECK enum status drive_session_step(struct drive_session *session, int64_t now_ns,
+                                          const struct drive_command *command);
 
 // What the operator is to know beside the picture.
 struct drive_readings {
@@ -87,7 +88,7 @@ struct drive_scene {
     struct operator_overlay overlay; // of size 0 where the eye is inside the body
     double size_m[3];                // of the body
 };
-MUST_CHECK enum status drive_session_prepare(struct drive_session *s, struct drive_scene *out);
+MUST_CHECK enum status drive_session_prepare(struct drive_session *session, struct drive_scene *out);
 
 // Of the body: length, width, height.
 const double *drive_session_size(const struct drive_session *session);
@@ -95,7 +96,7 @@ const double *drive_session_size(const struct drive_session *session);
 const struct surroundings *drive_session_surroundings(const struct drive_session *session);
 
 // Draws the operator's picture with the overlay; *view lives as long as the session.
-MUST_CHECK enum status drive_session_draw(struct drive_session *s, const struct surround_view **view);
+MUST_CHECK enum status drive_session_draw(struct drive_session *session, const struct surround_view **view);
 
 // The body as the operator's side believes it to be.
 struct pose drive_session_pose(const struct drive_session *session);

@@ -8,18 +8,18 @@
 #define UNPLACED_NS 10000000000 // so long tf is waited for
 enum { DEPTH_STEP = 2 };
 
-enum status ros_rover_open(struct ros_rover *r, const char *master, const char *const *remap, const char *calibration,
-                           double patience_s)
+enum status ros_rover_open(struct ros_rover *rover, const char *master, const char *const *remap,
+                           const char *calibration, double patience_s)
 {
-    *r = (struct ros_rover){.patience_ns = llround(patience_s * 1e9), .behind_ns = INT64_MAX};
-    enum status status = surround_rig_read(&r->rig, calibration);
+    *rover = (struct ros_rover){.patience_ns = llround(patience_s * 1e9), .behind_ns = INT64_MAX};
+    enum status status = surround_rig_read(&rover->rig, calibration);
     if (status == OK)
-        status =
-            surroundings_open_live(&r->surroundings, SURROUNDINGS_ROBOT, &r->rig.view, r->rig.body_from_panorama, NULL);
+        status = surroundings_open_live(&rover->surroundings, SURROUNDINGS_ROBOT, &rover->rig.view,
+                                        rover->rig.body_from_panorama, NULL);
     if (status == OK)
-        status = ros_robot_open(&r->link, master, remap);
+        status = ros_robot_open(&rover->link, master, remap);
     if (status != OK)
-        ros_rover_close(r);
+        ros_rover_close(rover);
     return status;
 }
 
@@ -198,18 +198,18 @@ static void send_command(struct ros_rover *rover, const struct drive_command *co
     ros_robot_command(rover->link, rover->command.speed, rover->command.turn_rate);
 }
 
-enum status ros_rover_step(struct ros_rover *r, int64_t now_ns, const struct drive_command *command)
+enum status ros_rover_step(struct ros_rover *rover, int64_t now_ns, const struct drive_command *command)
 {
-    const struct ros_receiver to = {r, on_image, on_odometry};
-    r->now_ns = now_ns;
-    enum status status = ros_robot_poll(r->link, &to);
-    send_command(r, command);
+    const struct ros_receiver to = {rover, on_image, on_odometry};
+    rover->now_ns = now_ns;
+    enum status status = ros_robot_poll(rover->link, &to);
+    send_command(rover, command);
     if (status == OK)
-        status = failure_restore(&r->failure);
-    if (status == OK && is_complete(r) &&
-        surroundings_wants(&r->surroundings, odometry_at(r, r->newest[ROS_PANORAMA].time_ns),
-                           r->newest[ROS_PANORAMA].time_ns - r->captured_ns))
-        status = capture_surroundings(r);
+        status = failure_restore(&rover->failure);
+    if (status == OK && is_complete(rover) &&
+        surroundings_wants(&rover->surroundings, odometry_at(rover, rover->newest[ROS_PANORAMA].time_ns),
+                           rover->newest[ROS_PANORAMA].time_ns - rover->captured_ns))
+        status = capture_surroundings(rover);
     return status;
 }
 

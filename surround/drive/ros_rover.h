@@ -37,13 +37,13 @@ struct ros_rover {
 
 // calibration: a file as in a robot's folder (reading/surround_set.h). master, remap: as ros_robot_open; its errors and
 // surround_rig_read's.
-MUST_CHECK enum status ros_rover_open(struct ros_rover *r, const char *master, const char *const *remap,
+MUST_CHECK enum status ros_rover_open(struct ros_rover *rover, const char *master, const char *const *remap,
                                       const char *calibration, double patience_s);
 void ros_rover_close(struct ros_rover *rover); // a zeroed one is fine. The robot is sent a stop
 
 // Takes what has arrived and sends a command; NULL: none, after which a robot with a watchdog stops. ERR_INPUT: an
 // image is not of the calibration's size, or for ten seconds nothing has said where a camera is. ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status ros_rover_step(struct ros_rover *r, int64_t now_ns, const struct drive_command *command);
+MUST_CHECK enum status ros_rover_step(struct ros_rover *rover, int64_t now_ns, const struct drive_command *command);
 
 struct pose ros_rover_pose(const struct ros_rover *rover); // as the operator's side believes; the identity before any
 // How old the newest capture is, but for the least delay of the link; 0 before the first.

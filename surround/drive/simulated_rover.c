@@ -233,14 +233,14 @@ struct lens rover_depth_lens(const struct rover_options *options)
                          .cy = (options->depth_height - 1) / 2.0};
 }
 
-enum status simulated_rover_open(struct simulated_rover *r, const struct box_world *world, struct pose start,
+enum status simulated_rover_open(struct simulated_rover *rover, const struct box_world *world, struct pose start,
                                  const struct rover_options *how)
 {
-    *r = (struct simulated_rover){
+    *rover = (struct simulated_rover){
         .world = *world, .options = *how, .start = start, .world_from_body = start, .odometry = POSE_IDENTITY};
     const enum status status =
-        surroundings_open_live(&r->surroundings, SURROUNDINGS_ROBOT, &how->view, rover_head(), NULL);
-    return status == OK ? simulated_rover_step(r, (struct drive_command){0, 0}, 0) : status;
+        surroundings_open_live(&rover->surroundings, SURROUNDINGS_ROBOT, &how->view, rover_head(), NULL);
+    return status == OK ? simulated_rover_step(rover, (struct drive_command){0, 0}, 0) : status;
 }
 
 void simulated_rover_close(struct simulated_rover *rover) { surroundings_close(&rover->surroundings); }
@@ -285,21 +285,21 @@ static enum status capture_surroundings(struct simulated_rover *rover)
     return status;
 }
 
-enum status simulated_rover_step(struct simulated_rover *r, struct drive_command command, double seconds)
+enum status simulated_rover_step(struct simulated_rover *rover, struct drive_command command, double seconds)
 {
-    r->command = r->touched ? (struct drive_command){0, 0} : command;
-    r->time_ns += llround(seconds * 1e9);
-    const struct pose moved = robot_motion_after(r->world_from_body, r->command, seconds);
-    if (box_world_clearance(&r->world, moved, r->options.size_m) <= 0)
-        r->touched = true;
+    rover->command = rover->touched ? (struct drive_command){0, 0} : command;
+    rover->time_ns += llround(seconds * 1e9);
+    const struct pose moved = robot_motion_after(rover->world_from_body, rover->command, seconds);
+    if (box_world_clearance(&rover->world, moved, rover->options.size_m) <= 0)
+        rover->touched = true;
     else {
-        const struct drive_command reported = {r->command.speed * (1 + r->options.odometry_scale),
-                                               r->command.turn_rate * (1 + r->options.odometry_turn)};
-        r->world_from_body = moved;
-        r->odometry = robot_motion_after(r->odometry, reported, seconds);
+        const struct drive_command reported = {rover->command.speed * (1 + rover->options.odometry_scale),
+                                               rover->command.turn_rate * (1 + rover->options.odometry_turn)};
+        rover->world_from_body = moved;
+        rover->odometry = robot_motion_after(rover->odometry, reported, seconds);
     }
-    if (surroundings_wants(&r->surroundings, r->odometry, r->time_ns - r->captured_ns))
-        return capture_surroundings(r);
+    if (surroundings_wants(&rover->surroundings, rover->odometry, rover->time_ns - rover->captured_ns))
+        return capture_surroundings(rover);
     return OK;
 }
 

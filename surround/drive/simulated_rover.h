@@ -72,12 +72,13 @@ struct simulated_rover {
 };
 
 // ERR_MEMORY.
-MUST_CHECK enum status simulated_rover_open(struct simulated_rover *r, const struct box_world *world, struct pose start,
-                                            const struct rover_options *options);
+MUST_CHECK enum status simulated_rover_open(struct simulated_rover *rover, const struct box_world *world,
+                                            struct pose start, const struct rover_options *options);
 void simulated_rover_close(struct simulated_rover *rover);
 
 // Drives for `seconds`, captures when it is time (first at the start).
-MUST_CHECK enum status simulated_rover_step(struct simulated_rover *r, struct drive_command command, double seconds);
+MUST_CHECK enum status simulated_rover_step(struct simulated_rover *rover, struct drive_command command,
+                                            double seconds);
 
 // What the operator's side believes: world_from_body in the surroundings' world, bridged by odometry.
 struct pose simulated_rover_pose(const struct simulated_rover *rover);

@@ -136,25 +136,25 @@ static void tint_body(struct operator_picture *picture, const struct operator_ov
         surround_renderer_tint(picture->renderer, &box);
 }
 
-enum status operator_picture_draw(struct operator_picture *o, struct drive_session *session, int width, int height,
-                                  const struct gpu_texture **out)
+enum status operator_picture_draw(struct operator_picture *picture, struct drive_session *session, int width,
+                                  int height, const struct gpu_texture **out)
 {
     struct drive_scene scene;
     struct nearest_thing thing = {0};
-    const enum status before = surround_renderer_read_depth(o->renderer, DEPTH_STEP, &o->depth);
+    const enum status before = surround_renderer_read_depth(picture->renderer, DEPTH_STEP, &picture->depth);
     enum status status = before < OK ? before : drive_session_prepare(session, &scene);
     if (status != OK)
         return status;
     const struct surround_image image = {fit_lens(&scene.lens, width, height), scene.world_from_view, scene.options,
                                          true, 1};
-    status = surround_renderer_draw(o->renderer, &image, scene.pictures, scene.count, out);
+    status = surround_renderer_draw(picture->renderer, &image, scene.pictures, scene.count, out);
     if (status != OK)
         return status;
-    tint_body(o, &scene.overlay);
-    session->near =
-        before == OK && nearest_in_view(&o->depth, scene.overlay.world_from_body, scene.size_m, LOW_M, &thing) == OK;
+    tint_body(picture, &scene.overlay);
+    session->near = before == OK &&
+                    nearest_in_view(&picture->depth, scene.overlay.world_from_body, scene.size_m, LOW_M, &thing) == OK;
     session->nearest_m = thing.distance_m;
-    return draw_overlay(o, &scene.overlay, session->near ? &thing : NULL);
+    return draw_overlay(picture, &scene.overlay, session->near ? &thing : NULL);
 }
 
 void operator_picture_view(const struct operator_picture *picture, struct lens *lens, struct pose *world_from_view)

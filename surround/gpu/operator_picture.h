@@ -11,7 +11,7 @@ void operator_picture_close(struct operator_picture **o); // NULL is fine
 
 // All that the session's own picture shows, in width x height pixels. Opaque; valid until the next call. ERR_DEVICE,
 // ERR_MEMORY, and as drive_session_draw.
-MUST_CHECK enum status operator_picture_draw(struct operator_picture *o, struct drive_session *session, int width,
+MUST_CHECK enum status operator_picture_draw(struct operator_picture *picture, struct drive_session *session, int width,
                                              int height, const struct gpu_texture **out);
 // Through which lens, and from where, the last one is seen.
 void operator_picture_view(const struct operator_picture *picture, struct lens *lens, struct pose *world_from_view);

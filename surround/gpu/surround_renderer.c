@@ -64,26 +64,26 @@ static enum status fit_sample(struct surround_renderer *renderer, const struct l
     return status;
 }
 
-enum status surround_renderer_read_depth(struct surround_renderer *r, int step, struct surround_view *view)
+enum status surround_renderer_read_depth(struct surround_renderer *renderer, int step, struct surround_view *view)
 {
-    if (!r->image)
+    if (!renderer->image)
         return NOTHING;
-    const struct lens lens = sampled_lens(&r->lens, step);
+    const struct lens lens = sampled_lens(&renderer->lens, step);
     const size_t pixels = (size_t)lens.width * (size_t)lens.height;
     const float step_px[4] = {(float)step, 0, 0, 0};
-    enum status status = fit_sample(r, &lens, view);
+    enum status status = fit_sample(renderer, &lens, view);
     uint8_t *rgba = malloc(4 * pixels + 1);
     if (status == OK && !rgba)
         status = fail(ERR_MEMORY, "no memory for reading a picture back");
     if (status == OK) {
-        view->world_from_view = r->world_from_view;
-        quat_to_matrix(r->world_from_view.rotation, view->axes);
-        gpu_program_set(r->sample_program, 0, step_px, 1);
-        gpu_draw(&(struct gpu_job){.target = r->sample,
-                                   .program = r->sample_program,
-                                   .mesh = r->fullscreen,
-                                   .textures = {gpu_target_texture(r->surface)}});
-        status = gpu_target_read(r->sample, rgba);
+        view->world_from_view = renderer->world_from_view;
+        quat_to_matrix(renderer->world_from_view.rotation, view->axes);
+        gpu_program_set(renderer->sample_program, 0, step_px, 1);
+        gpu_draw(&(struct gpu_job){.target = renderer->sample,
+                                   .program = renderer->sample_program,
+                                   .mesh = renderer->fullscreen,
+                                   .textures = {gpu_target_texture(renderer->surface)}});
+        status = gpu_target_read(renderer->sample, rgba);
     }
     for (size_t i = 0; i < pixels && status == OK; i++) {
         view->inverse_z[i] = surround_inverse_z(rgba + 4 * i);
@@ -601,27 +601,27 @@ static enum status draw_texture(struct surround_renderer *renderer, const struct
     return OK;
 }
 
-enum status surround_renderer_draw(struct surround_renderer *r, const struct surround_image *image,
+enum status surround_renderer_draw(struct surround_renderer *renderer, const struct surround_image *image,
                                    const struct surround_picture *const *pictures, int count,
                                    const struct gpu_texture **out)
 {
     const struct lens *l = &image->lens;
     const float lens[4] = {(float)l->fx, (float)l->fy, (float)l->cx, (float)l->cy};
     float uniform[4 * PARTS * SURROUND_RENDERER_MAX] = {0}, camera[8] = {0};
-    enum status status = fit_targets(r, l);
+    enum status status = fit_targets(renderer, l);
     if (status == OK)
-        status = gather_pictures(r, image, pictures, count);
+        status = gather_pictures(renderer, image, pictures, count);
     if (status != OK)
         return status;
-    r->world_from_view = image->world_from_view;
-    picture_uniform(r, image->world_from_view, uniform);
-    if (r->count)
-        camera_uniform(r->pictures[0], camera);
-    status = draw_surfaces(r, image, lens, camera, uniform);
+    renderer->world_from_view = image->world_from_view;
+    picture_uniform(renderer, image->world_from_view, uniform);
+    if (renderer->count)
+        camera_uniform(renderer->pictures[0], camera);
+    status = draw_surfaces(renderer, image, lens, camera, uniform);
     if (status == OK)
-        status = draw_texture(r, image, lens, camera, uniform);
-    *out = gpu_target_texture(r->image);
-    return status == OK ? gpu_check(r->gpu) : status;
+        status = draw_texture(renderer, image, lens, camera, uniform);
+    *out = gpu_target_texture(renderer->image);
+    return status == OK ? gpu_check(renderer->gpu) : status;
 }
 
 int surround_renderer_missing(const struct surround_renderer *renderer) { return renderer->missing; }

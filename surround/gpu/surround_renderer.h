@@ -63,7 +63,7 @@ struct surround_image {
 
 // The pictures have depth with a depth_number each, and are sorted by surround_view_rank. The texture is the
 // renderer's, valid until the next call. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status surround_renderer_draw(struct surround_renderer *r, const struct surround_image *image,
+MUST_CHECK enum status surround_renderer_draw(struct surround_renderer *renderer, const struct surround_image *image,
                                               const struct surround_picture *const *pictures, int count,
                                               const struct gpu_texture **out);
 
@@ -83,7 +83,8 @@ void surround_renderer_tint(struct surround_renderer *renderer, const struct sur
 // Depth of every step-th pixel of the last image: *view gets its lens, its pose, inverse_z, and source; it is opened
 // where its size is another. Waits for that image alone if it is called before the next one is drawn. NOTHING: none
 // was drawn yet. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status surround_renderer_read_depth(struct surround_renderer *r, int step, struct surround_view *view);
+MUST_CHECK enum status surround_renderer_read_depth(struct surround_renderer *renderer, int step,
+                                                    struct surround_view *view);
 
 // ---------------------------------------------------------------- surround renderer
 

@@ -372,12 +372,12 @@ static enum status open_maker(struct maker *maker)
     return OK;
 }
 
-enum status surround_mesh_make(struct surround_mesh *mesh, const struct surround_picture *p, float tolerance)
+enum status surround_mesh_make(struct surround_mesh *mesh, const struct surround_picture *picture, float tolerance)
 {
-    struct maker m = {.p = p, .tolerance = tolerance, .mesh = mesh};
+    struct maker m = {.p = picture, .tolerance = tolerance, .mesh = mesh};
     *mesh = (struct surround_mesh){0};
     int size = BLOCK;
-    while ((float)(2 * size) * pixel_angle(p) <= PIECE_RAD)
+    while ((float)(2 * size) * pixel_angle(picture) <= PIECE_RAD)
         size *= 2;
     enum status status = open_maker(&m);
     if (status == OK) {
@@ -397,14 +397,15 @@ enum status surround_mesh_make(struct surround_mesh *mesh, const struct surround
     return status;
 }
 
-enum status surround_picture_make_mesh(struct surround_picture *p)
+enum status surround_picture_make_mesh(struct surround_picture *picture)
 {
-    surround_picture_free_mesh(p);
-    p->mesh = calloc(1, sizeof *p->mesh);
-    const enum status status = p->mesh ? surround_mesh_make(p->mesh, p, surround_mesh_tolerance(p))
-                                       : fail(ERR_MEMORY, "no memory for a picture's mesh");
+    surround_picture_free_mesh(picture);
+    picture->mesh = calloc(1, sizeof *picture->mesh);
+    const enum status status = picture->mesh
+                                   ? surround_mesh_make(picture->mesh, picture, surround_mesh_tolerance(picture))
+                                   : fail(ERR_MEMORY, "no memory for a picture's mesh");
     if (status != OK)
-        surround_picture_free_mesh(p);
+        surround_picture_free_mesh(picture);
     return status;
 }
 
@@ -414,23 +415,24 @@ enum status surround_picture_make_mesh(struct surround_picture *p)
 #define ORDER_BYTES 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23
 #define PI          3.14159265358979323846
 
-enum status surround_picture_make(struct surround_picture *p, uint8_t *rgb, int width, int height,
+enum status surround_picture_make(struct surround_picture *picture, uint8_t *rgb, int width, int height,
                                   const struct lens *lens)
 {
-    *p = (struct surround_picture){.panorama = !lens, .width = width, .height = height, .rgb = rgb, .gain = {1, 1, 1}};
+    *picture =
+        (struct surround_picture){.panorama = !lens, .width = width, .height = height, .rgb = rgb, .gain = {1, 1, 1}};
     if (lens)
-        p->lens = *lens;
-    p->ray_table = malloc(sizeof *p->ray_table * 2 * (size_t)(width + height));
-    if (!p->ray_table) {
-        surround_picture_free(p);
+        picture->lens = *lens;
+    picture->ray_table = malloc(sizeof *picture->ray_table * 2 * (size_t)(width + height));
+    if (!picture->ray_table) {
+        surround_picture_free(picture);
         return fail(ERR_MEMORY, "no memory for a picture of the surroundings");
     }
     for (int i = 0; i < width + height; i++) {
         const double angle = i < width ? (i + 0.5) / width * 2 * PI - PI : (i - width + 0.5) / height * PI;
-        p->ray_table[2 * i] = (float)portable_sin(angle);
-        p->ray_table[2 * i + 1] = (float)portable_cos(angle);
+        picture->ray_table[2 * i] = (float)portable_sin(angle);
+        picture->ray_table[2 * i + 1] = (float)portable_cos(angle);
     }
-    surround_picture_place(p, POSE_IDENTITY);
+    surround_picture_place(picture, POSE_IDENTITY);
     return OK;
 }
 

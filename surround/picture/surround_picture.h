@@ -38,7 +38,7 @@ struct surround_picture {
 };
 
 // A picture of `rgb`, which it owns from now on, also after a failure. lens NULL: a panorama. ERR_MEMORY.
-MUST_CHECK enum status surround_picture_make(struct surround_picture *p, uint8_t *rgb, int width, int height,
+MUST_CHECK enum status surround_picture_make(struct surround_picture *picture, uint8_t *rgb, int width, int height,
                                              const struct lens *lens);
 // The image that an ideal lens of the same size and focal length would have taken: rgb as `lens` took it, in place of
 // which the result is written; lens loses its distortion. ERR_MEMORY.
@@ -109,11 +109,12 @@ struct surround_mesh {
 float surround_mesh_tolerance(const struct surround_picture *picture);
 
 // Of a picture with depth. tolerance: share of a pixel's distance. ERR_MEMORY: *m is empty.
-MUST_CHECK enum status surround_mesh_make(struct surround_mesh *m, const struct surround_picture *p, float tolerance);
+MUST_CHECK enum status surround_mesh_make(struct surround_mesh *m, const struct surround_picture *picture,
+                                          float tolerance);
 void surround_mesh_free(struct surround_mesh *mesh); // a zeroed one is fine
 
 // The same, kept with the picture in place of the one that is there; on a thread that has time for it, so that drawing
 // need not make it. ERR_MEMORY: it has none.
-MUST_CHECK enum status surround_picture_make_mesh(struct surround_picture *p);
+MUST_CHECK enum status surround_picture_make_mesh(struct surround_picture *picture);
 // To be called when the depth changes.
 void surround_picture_free_mesh(struct surround_picture *picture);

@@ -246,18 +246,18 @@ static enum status compare_picture(struct exposure *exposure, const struct surro
     return OK;
 }
 
-enum status exposure_even(struct exposure *e, struct surround_picture *all, const struct surround_picture *const *some,
-                          int count)
+enum status exposure_even(struct exposure *exposure, struct surround_picture *all,
+                          const struct surround_picture *const *some, int count)
 {
     int added = 0;
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++)
-        status = compare_picture(e, all, some, count, i, &added);
+        status = compare_picture(exposure, all, some, count, i, &added);
     if (status == OK && added)
-        status = solve_gains(e);
-    for (int p = 0; status == OK && added && p < e->picture_count; p++)
+        status = solve_gains(exposure);
+    for (int p = 0; status == OK && added && p < exposure->picture_count; p++)
         for (int c = 0; c < 3; c++)
-            all[p].gain[c] = (float)portable_exp(e->log_gain[p][c]);
+            all[p].gain[c] = (float)portable_exp(exposure->log_gain[p][c]);
     return status;
 }
 
@@ -285,17 +285,17 @@ void exposure_suit_view(const struct exposure *exposure, struct surround_picture
 // ---------------------------------------------------------------- view merge
 
 // The nearest and farthest of the 3 x 3 pixels around a point decide, so that an edge a pixel off is no contradiction.
-enum sight picture_sight(const struct surround_picture *p, const struct picture_point *at, float apart)
+enum sight picture_sight(const struct surround_picture *picture, const struct picture_point *at, float apart)
 {
     const int u = floor_of(at->u + 0.5f), v = floor_of(at->v + 0.5f);
     const float wanted = 1 / at->distance;
     float min = 1e9f, max = DEPTH_UNKNOWN;
     for (int j = -1; j <= 1; j++)
         for (int i = -1; i <= 1; i++) {
-            const int x = surround_picture_column(p, u + i), y = v + j;
-            if (x < 0 || x >= p->width || y < 0 || y >= p->height)
+            const int x = surround_picture_column(picture, u + i), y = v + j;
+            if (x < 0 || x >= picture->width || y < 0 || y >= picture->height)
                 continue;
-            const float inverse = p->inverse[(size_t)y * (size_t)p->width + (size_t)x];
+            const float inverse = picture->inverse[(size_t)y * (size_t)picture->width + (size_t)x];
             if (inverse < 0)
                 continue;
             min = inverse < min ? inverse : min;

@@ -23,7 +23,7 @@ void exposure_free(struct exposure *exposure); // a zeroed one is fine
 
 // Sets the gains of all pictures of `all` that have been met; `some` of them, which have depth and are sorted by
 // nearness, may be new: each is compared with the nearest four others, once. ERR_MEMORY.
-MUST_CHECK enum status exposure_even(struct exposure *e, struct surround_picture *all,
+MUST_CHECK enum status exposure_even(struct exposure *exposure, struct surround_picture *all,
                                      const struct surround_picture *const *some, int count);
 
 // Scales the gains of all pictures alike so that a view has the exposure with which the pictures nearest to it were
