@@ -346,26 +346,26 @@ static enum status track_or_find(struct camera_localizer *localizer, const uint8
     return status;
 }
 
-enum status localizer_locate(struct camera_localizer *l, const uint8_t *color, int64_t time_ns,
+enum status localizer_locate(struct camera_localizer *localizer, const uint8_t *color, int64_t time_ns,
                              struct pose *world_from_camera)
 {
     struct location location;
     enum status status = OK;
-    l->restarted |= time_ns <= l->last_ns;
-    l->last_ns = time_ns;
-    if (l->relocalizing) {
-        if (relocalizer_busy(l->relocalizer, color, time_ns))
+    localizer->restarted |= time_ns <= localizer->last_ns;
+    localizer->last_ns = time_ns;
+    if (localizer->relocalizing) {
+        if (relocalizer_busy(localizer->relocalizer, color, time_ns))
             return NOTHING;
-        l->relocalizing = false;
+        localizer->relocalizing = false;
         int finds;
-        status = relocalizer_finish(l->relocalizer, &finds);
-        l->finds += finds;
+        status = relocalizer_finish(localizer->relocalizer, &finds);
+        localizer->finds += finds;
     }
-    if (l->restarted) // the camera was opened again
-        camera_tracker_reset(l->tracker);
-    l->restarted = false;
+    if (localizer->restarted) // the camera was opened again
+        camera_tracker_reset(localizer->tracker);
+    localizer->restarted = false;
     if (status >= 0)
-        status = track_or_find(l, color, time_ns, &location);
+        status = track_or_find(localizer, color, time_ns, &location);
     if (status == ERR_SOLVER)
         return NOTHING; // only this image failed
     if (status == OK || status == AMBIGUOUS)

@@ -61,7 +61,7 @@ int32_t localizer_moved_tags(const struct camera_localizer *localizer, int32_t *
 // color: RGB of the lens's size. time_ns: of the exposure, by the camera's clock.
 // OK, AMBIGUOUS: *world_from_camera is filled. NOTHING: the pose is not known. Errors as locator_localize; the next
 // image may be tried.
-MUST_CHECK enum status localizer_locate(struct camera_localizer *l, const uint8_t *color, int64_t time_ns,
+MUST_CHECK enum status localizer_locate(struct camera_localizer *localizer, const uint8_t *color, int64_t time_ns,
                                         struct pose *world_from_camera);
 
 // ---------------------------------------------------------------- mailbox

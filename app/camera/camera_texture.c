@@ -157,16 +157,16 @@ static enum status import_dmabuf(struct camera_texture *texture, const struct ca
     return OK;
 }
 
-enum status camera_texture_update(struct camera_texture *t, const struct camera_frame *frame,
+enum status camera_texture_update(struct camera_texture *texture, const struct camera_frame *frame,
                                   struct dmabuf_image **dmabuf)
 {
-    release_finished(t, false);
-    bool fits =
-        *dmabuf && t->can_import && (*dmabuf)->width == frame->lens.width && (*dmabuf)->height == frame->lens.height;
-    if (fits && import_dmabuf(t, frame, dmabuf) == OK)
+    release_finished(texture, false);
+    bool fits = *dmabuf && texture->can_import && (*dmabuf)->width == frame->lens.width &&
+                (*dmabuf)->height == frame->lens.height;
+    if (fits && import_dmabuf(texture, frame, dmabuf) == OK)
         return OK;
     dmabuf_image_release(dmabuf);
-    return upload(t, frame);
+    return upload(texture, frame);
 }
 
 const struct gpu_texture *camera_texture_current(struct camera_texture *texture)

@@ -16,7 +16,7 @@ bool camera_texture_can_import(const struct camera_texture *texture);
 
 // Shows the frame's image. *dmabuf, if not NULL, is the same image as a DMA buffer; this takes it over and sets it to
 // NULL, and releases it when the GPU has finished reading. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status camera_texture_update(struct camera_texture *t, const struct camera_frame *frame,
+MUST_CHECK enum status camera_texture_update(struct camera_texture *texture, const struct camera_frame *frame,
                                              struct dmabuf_image **dmabuf);
 
 // The texture of the image shown last; the user sets its filtering.

@@ -772,13 +772,13 @@ static enum status search_sweep(struct search_run *run, const struct objects_swe
     return status;
 }
 
-enum status objects_in_sweep(const struct objects_arguments *a, const struct objects_sweep *sweep,
+enum status objects_in_sweep(const struct objects_arguments *arguments, const struct objects_sweep *sweep,
                              struct objects_found *found)
 {
     struct search_run r;
     struct thing_map earlier = {.count = 0};
     *found = (struct objects_found){0};
-    enum status status = open_run(&r, a);
+    enum status status = open_run(&r, arguments);
     if (status == OK)
         status = expect_things(&r, sweep->before, &earlier);
     if (status == OK)

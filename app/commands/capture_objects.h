@@ -30,5 +30,5 @@ struct objects_found {
 };
 // Looks in the sweep's sharp pictures and keeps what is found there; what the recording knew, or the views of an
 // earlier sweep show, and is no longer where it was, is marked as gone.
-MUST_CHECK enum status objects_in_sweep(const struct objects_arguments *a, const struct objects_sweep *sweep,
+MUST_CHECK enum status objects_in_sweep(const struct objects_arguments *arguments, const struct objects_sweep *sweep,
                                         struct objects_found *found);

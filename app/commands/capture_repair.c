@@ -27,29 +27,29 @@ static void print_rest(const struct recording_report *report)
 }
 
 // One JSON object: the report and the status, with the error sentence where it is not OK. ERR_MEMORY.
-static enum status print_json(const char *path, enum status status, const struct recording_report *r)
+static enum status print_json(const char *path, enum status status, const struct recording_report *report)
 {
     struct json *root = json_new_object();
     json_add_string(root, "file", path);
     json_add_string(root, "status", status_name(status));
     if (status != OK)
         json_add_string(root, "reason", status_message());
-    json_add_number(root, "takes", r->takes);
-    json_add_number(root, "interrupted_takes", r->interrupted_takes);
-    json_add_number(root, "frames", (double)r->frames);
-    json_add_number(root, "damaged_frames", (double)r->damaged_frames);
-    json_add_number(root, "lost_frames", (double)r->lost_frames);
-    json_add_number(root, "lost_covariances", (double)r->lost_covariances);
-    json_add_number(root, "lost_takes", r->lost_takes);
-    json_add_number(root, "lost_views", r->lost_views);
-    json_add_bool(root, "lost_place", r->lost_place);
-    json_add_bool(root, "lost_map_covariances", r->lost_map_covariances);
-    json_add_number(root, "lost_things", r->lost_things);
-    json_add_number(root, "findings", r->findings);
+    json_add_number(root, "takes", report->takes);
+    json_add_number(root, "interrupted_takes", report->interrupted_takes);
+    json_add_number(root, "frames", (double)report->frames);
+    json_add_number(root, "damaged_frames", (double)report->damaged_frames);
+    json_add_number(root, "lost_frames", (double)report->lost_frames);
+    json_add_number(root, "lost_covariances", (double)report->lost_covariances);
+    json_add_number(root, "lost_takes", report->lost_takes);
+    json_add_number(root, "lost_views", report->lost_views);
+    json_add_bool(root, "lost_place", report->lost_place);
+    json_add_bool(root, "lost_map_covariances", report->lost_map_covariances);
+    json_add_number(root, "lost_things", report->lost_things);
+    json_add_number(root, "findings", report->findings);
     struct json *list = json_add_array(root, "first_findings");
-    for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
-        json_push_string(list, r->finding[i]);
-    json_add_number(root, "bytes", (double)r->bytes);
+    for (int i = 0; i < report->findings && i < RECORDING_FINDINGS_MAX; i++)
+        json_push_string(list, report->finding[i]);
+    json_add_number(root, "bytes", (double)report->bytes);
     return command_print_json(&root);
 }
 

@@ -27,24 +27,25 @@ struct expect_arguments {
     bool clear;          // forget what was expected before
 };
 
-static enum status set_options(const struct expect_arguments *arguments, struct expected_take *e)
+static enum status set_options(const struct expect_arguments *arguments, struct expected_take *take)
 {
     enum status status = OK;
     for (int i = 0; i < arguments->tolerances && status == OK; i++)
-        status = expectation_set_tolerance(&e->expected, arguments->tolerance[i]);
+        status = expectation_set_tolerance(&take->expected, arguments->tolerance[i]);
     for (int i = 0; i < arguments->ignores && status == OK; i++)
-        status = expectation_ignore(&e->expected, arguments->ignore[i]);
+        status = expectation_ignore(&take->expected, arguments->ignore[i]);
     if (status == OK && (arguments->from_s >= 0 || arguments->to_s >= 0)) {
-        const double to_s = e->expected.to_s > 0 ? e->expected.to_s : -1;
-        status = expectation_set_stretch(&e->expected, arguments->from_s >= 0 ? arguments->from_s : e->expected.from_s,
-                                         arguments->to_s >= 0 ? arguments->to_s : to_s, e->seconds);
+        const double to_s = take->expected.to_s > 0 ? take->expected.to_s : -1;
+        status =
+            expectation_set_stretch(&take->expected, arguments->from_s >= 0 ? arguments->from_s : take->expected.from_s,
+                                    arguments->to_s >= 0 ? arguments->to_s : to_s, take->seconds);
     }
     return status;
 }
 
 // The file's take of that name, as one more reference. NOTHING: it is one already.
 static enum status find_reference(const struct expect_arguments *arguments, const char *name,
-                                  const struct expected_take *e, int64_t *number)
+                                  const struct expected_take *take, int64_t *number)
 {
     struct recording *r = NULL;
     enum status status = recording_open(&r, arguments->file);
@@ -53,19 +54,19 @@ static enum status find_reference(const struct expect_arguments *arguments, cons
     if (status == OK && *number < 0)
         status =
             fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", arguments->file, name);
-    if (status == OK && *number == e->number)
+    if (status == OK && *number == take->number)
         status = fail(ERR_INPUT, "take '%s' is the reference itself; a further one is another take", name);
-    for (int i = 0; i < e->kept.reference_count && status == OK; i++)
-        if (e->kept.reference[i] == *number)
+    for (int i = 0; i < take->kept.reference_count && status == OK; i++)
+        if (take->kept.reference[i] == *number)
             status = NOTHING;
-    if (status == OK && e->kept.reference_count == EXPECTATION_REFERENCES_MAX)
+    if (status == OK && take->kept.reference_count == EXPECTATION_REFERENCES_MAX)
         status = fail(ERR_INPUT, "a take has at most %d further references", EXPECTATION_REFERENCES_MAX);
     return status;
 }
 
 // Each is compared with the take, so that another movement is refused here and not when it is used.
 static enum status add_references(const struct expect_arguments *arguments, const struct movement *movement,
-                                  struct expected_take *e)
+                                  struct expected_take *take)
 {
     enum status status = OK;
     for (int i = 0; i < arguments->references && status == OK; i++) {
@@ -74,7 +75,7 @@ static enum status add_references(const struct expect_arguments *arguments, cons
         struct reference_spread spread = {.references = 0};
         char quoted[TEXT_SHOWN_BYTES];
         int64_t number;
-        status = find_reference(arguments, arguments->reference[i], e, &number);
+        status = find_reference(arguments, arguments->reference[i], take, &number);
         if (status == NOTHING) {
             status = OK;
             continue;
@@ -83,9 +84,9 @@ static enum status add_references(const struct expect_arguments *arguments, cons
             status = movement_read(arguments->file, arguments->reference[i], &further, &source);
         snprintf(quoted, sizeof quoted, "take '%s'", arguments->reference[i]);
         if (status == OK)
-            status = reference_spread_add(&spread, movement, &further, &e->expected, quoted);
+            status = reference_spread_add(&spread, movement, &further, &take->expected, quoted);
         if (status == OK)
-            e->kept.reference[e->kept.reference_count++] = number;
+            take->kept.reference[take->kept.reference_count++] = number;
     }
     return status;
 }

@@ -19,31 +19,31 @@
 
 // ---------------------------------------------------------------- source frames
 
-enum status source_frames_next(struct source_frames *s, struct frame *out)
+enum status source_frames_next(struct source_frames *frames, struct frame *out)
 {
     enum status status = NOTHING;
     while (!command_stopped()) {
-        status = source_next(s->source, out);
+        status = source_next(frames->source, out);
         if (status != ERR_INPUT) // one damaged frame; the next call continues after it
             break;
-        s->damaged++;
-        if (s->program) {
-            progress_bar_end(s->bar);
-            fprintf(stderr, "%s: %s; left out\n", s->program, status_message());
+        frames->damaged++;
+        if (frames->program) {
+            progress_bar_end(frames->bar);
+            fprintf(stderr, "%s: %s; left out\n", frames->program, status_message());
         }
         status = NOTHING;
     }
     if (status == OK)
-        s->count++;
-    if (status != ERR_DEVICE || !s->count)
+        frames->count++;
+    if (status != ERR_DEVICE || !frames->count)
         return status;
-    snprintf(s->cut, sizeof s->cut, "%s", status_message());
+    snprintf(frames->cut, sizeof frames->cut, "%s", status_message());
     return NOTHING;
 }
 
-enum status source_frames_end(const struct source_frames *s)
+enum status source_frames_end(const struct source_frames *frames)
 {
-    return *s->cut ? fail(ERR_DEVICE, "%s: the result is of what it gave until then", s->cut) : OK;
+    return *frames->cut ? fail(ERR_DEVICE, "%s: the result is of what it gave until then", frames->cut) : OK;
 }
 
 // ---------------------------------------------------------------- picture count

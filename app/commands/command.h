@@ -143,10 +143,10 @@ struct source_frames {
 // OK: *out is the next frame; damaged ones are left out. NOTHING: the end, or Ctrl-C; or the source failed, but not
 // before its first frame: what it gave until then counts, and `cut` is to be said with the result. Errors of
 // source_next.
-MUST_CHECK enum status source_frames_next(struct source_frames *s, struct frame *out);
+MUST_CHECK enum status source_frames_next(struct source_frames *frames, struct frame *out);
 
 // When the result is written. ERR_DEVICE with a sentence: it was cut short.
-MUST_CHECK enum status source_frames_end(const struct source_frames *s);
+MUST_CHECK enum status source_frames_end(const struct source_frames *frames);
 
 // ---------------------------------------------------------------- picture count
 

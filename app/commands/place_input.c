@@ -5,16 +5,16 @@
 
 // ---------------------------------------------------------------- filmed path
 
-enum status filmed_path_open(struct filmed_path *p, const struct place *place, const char *path)
+enum status filmed_path_open(struct filmed_path *filmed_path, const struct place *place, const char *path)
 {
-    *p = (struct filmed_path){.lens = place->calibration.color};
-    struct lens *lens = &p->lens;
+    *filmed_path = (struct filmed_path){.lens = place->calibration.color};
+    struct lens *lens = &filmed_path->lens;
     lens->k1 = lens->k2 = lens->p1 = lens->p2 = lens->k3 = lens->readout_s = lens->focal_sigma = 0;
-    enum status status = pose_list_read(path, &p->poses, &p->count);
+    enum status status = pose_list_read(path, &filmed_path->poses, &filmed_path->count);
     if (status == OK)
-        status = filmed_room_open(&p->room, place, lens, NULL);
+        status = filmed_room_open(&filmed_path->room, place, lens, NULL);
     if (status != OK)
-        filmed_path_close(p);
+        filmed_path_close(filmed_path);
     return status;
 }
 
@@ -25,7 +25,10 @@ void filmed_path_close(struct filmed_path *path)
     *path = (struct filmed_path){0};
 }
 
-enum status filmed_path_draw(struct filmed_path *p, int i) { return surroundings_draw(&p->room, p->poses[i].pose); }
+enum status filmed_path_draw(struct filmed_path *path, int i)
+{
+    return surroundings_draw(&path->room, path->poses[i].pose);
+}
 
 // ---------------------------------------------------------------- place input
 

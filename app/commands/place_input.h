@@ -16,12 +16,12 @@ struct filmed_path {
 };
 
 // `path`: lines of "seconds tx ty tz qx qy qz qw". ERR_INPUT: no pose, or the place has no colour camera; otherwise as
-// pose_list_read. On failure *p is zeroed.
-MUST_CHECK enum status filmed_path_open(struct filmed_path *p, const struct place *place, const char *path);
+// pose_list_read. On failure *filmed_path is zeroed.
+MUST_CHECK enum status filmed_path_open(struct filmed_path *filmed_path, const struct place *place, const char *path);
 void filmed_path_close(struct filmed_path *path); // a zeroed one is fine
 
-// The place from pose i: p->room.view.rgb. What was not filmed is hatched.
-MUST_CHECK enum status filmed_path_draw(struct filmed_path *p, int i);
+// The place from pose i: path->room.view.rgb. What was not filmed is hatched.
+MUST_CHECK enum status filmed_path_draw(struct filmed_path *path, int i);
 
 // ---------------------------------------------------------------- place input
 

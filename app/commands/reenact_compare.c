@@ -402,16 +402,17 @@ static void print_warnings(const struct compare_run *run, const char *of, const 
 }
 
 // What the options say, beside what the reference's recording keeps.
-static enum status set_expected(const struct compare_arguments *arguments, double seconds, struct expectation *e)
+static enum status set_expected(const struct compare_arguments *arguments, double seconds,
+                                struct expectation *expectation)
 {
     enum status status = OK;
     for (int i = 0; i < arguments->tolerances && status == OK; i++)
-        status = expectation_set_tolerance(e, arguments->tolerance[i]);
+        status = expectation_set_tolerance(expectation, arguments->tolerance[i]);
     for (int i = 0; i < arguments->ignores && status == OK; i++)
-        status = expectation_ignore(e, arguments->ignore[i]);
+        status = expectation_ignore(expectation, arguments->ignore[i]);
     if (status == OK && (arguments->from_s >= 0 || arguments->to_s >= 0)) {
-        const double to_s = e->to_s > 0 ? e->to_s : -1;
-        status = expectation_set_stretch(e, arguments->from_s >= 0 ? arguments->from_s : e->from_s,
+        const double to_s = expectation->to_s > 0 ? expectation->to_s : -1;
+        status = expectation_set_stretch(expectation, arguments->from_s >= 0 ? arguments->from_s : expectation->from_s,
                                          arguments->to_s >= 0 ? arguments->to_s : to_s, seconds);
     }
     return status;

@@ -38,22 +38,23 @@ static enum status read_actor(struct drive_place *place, struct recording *recor
 
 // Borrows the place, which is the recording's. As recording_open and take_open; ERR_MEMORY, ERR_DEVICE. On error
 // drive_place_close is needed, too.
-static enum status drive_place_open(struct drive_place *p, struct gpu *gpu, const char *file, const struct place *place)
+static enum status drive_place_open(struct drive_place *drive_place, struct gpu *gpu, const char *file,
+                                    const struct place *place)
 {
     const char *slash = strrchr(file, '/');
     struct recording *recording;
-    *p = (struct drive_place){.place = place, .gpu = gpu, .state = room_state_start()};
-    snprintf(p->name, sizeof p->name, "%s", slash ? slash + 1 : file);
-    room_ui_start(&p->ui);
+    *drive_place = (struct drive_place){.place = place, .gpu = gpu, .state = room_state_start()};
+    snprintf(drive_place->name, sizeof drive_place->name, "%s", slash ? slash + 1 : file);
+    room_ui_start(&drive_place->ui);
     enum status status = recording_open(&recording, file);
     if (status == OK)
-        status = room_things_open(&p->things, recording);
+        status = room_things_open(&drive_place->things, recording);
     if (status == OK)
-        status = read_actor(p, recording);
+        status = read_actor(drive_place, recording);
     recording_free(&recording);
     if (status == OK)
-        status = solid_renderer_open(&p->renderer, gpu);
-    return status == OK ? robot_place_finder_start(&p->finder, place) : status;
+        status = solid_renderer_open(&drive_place->renderer, gpu);
+    return status == OK ? robot_place_finder_start(&drive_place->finder, place) : status;
 }
 
 // Before the surroundings that it was updated with are closed. Zeroed is fine.
@@ -113,42 +114,43 @@ static enum status draw_bodies(struct drive_place *place, const struct brush *br
 }
 
 // view: of the image that is drawn already, in the robot's world; nothing is drawn beside it. ERR_DEVICE, ERR_MEMORY.
-static enum status drive_place_draw(struct drive_place *p, const struct brush *b, const struct figure_view *view)
+static enum status drive_place_draw(struct drive_place *place, const struct brush *brush,
+                                    const struct figure_view *view)
 {
     const struct ui_box box = figure_image_box(view);
-    if (p->answer.state != ROBOT_PLACE_FOUND) {
-        draw_line(p, b, box);
+    if (place->answer.state != ROBOT_PLACE_FOUND) {
+        draw_line(place, brush, box);
         return OK;
     }
-    struct room_page page = {.things = p->things.shown,
-                             .count = p->things.known.count,
-                             .tags = p->place->tags,
-                             .tag_count = p->place->tag_count,
+    struct room_page page = {.things = place->things.shown,
+                             .count = place->things.known.count,
+                             .tags = place->place->tags,
+                             .tag_count = place->place->tag_count,
                              .map_view = *view,
-                             .actor = p->has_actor ? &p->actor : NULL};
-    page.map_view.world_from_camera = pose_multiply(p->answer.place_from_world, view->world_from_camera);
+                             .actor = place->has_actor ? &place->actor : NULL};
+    page.map_view.world_from_camera = pose_multiply(place->answer.place_from_world, view->world_from_camera);
     const struct label_view where = {.view = &page.map_view, .number = 1, .bounds = box};
-    ui_clip(b->ui, box);
-    const enum status status = draw_bodies(p, b, &page.map_view);
-    map_overlay_draw(b, &page);
-    (void)thing_labels_draw(b, &p->ui, &p->state, &page, &where);
-    ui_unclip(b->ui);
+    ui_clip(brush->ui, box);
+    const enum status status = draw_bodies(place, brush, &page.map_view);
+    map_overlay_draw(brush, &page);
+    (void)thing_labels_draw(brush, &place->ui, &place->state, &page, &where);
+    ui_unclip(brush->ui);
     return status;
 }
 
 // ---------------------------------------------------------------- opening
 
-enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session, const char *file,
-                              const struct place *place)
+enum status drive_screen_open(struct drive_screen *screen, struct gpu *gpu, struct drive_session *session,
+                              const char *file, const struct place *place)
 {
     const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
-    *s = (struct drive_screen){.session = session,
-                               .gpu = gpu,
-                               .by_card = true,
-                               .has_place = file,
-                               .map_eye = {.orbit = true, .elevation = 1.1, .distance_m = 5}}; // chosen by hand
-    const enum status status = ui_open(&s->ui, gpu, &shaders, theme_faces(), FACE_COUNT);
-    return status == OK && file ? drive_place_open(&s->place, gpu, file, place) : status;
+    *screen = (struct drive_screen){.session = session,
+                                    .gpu = gpu,
+                                    .by_card = true,
+                                    .has_place = file,
+                                    .map_eye = {.orbit = true, .elevation = 1.1, .distance_m = 5}}; // chosen by hand
+    const enum status status = ui_open(&screen->ui, gpu, &shaders, theme_faces(), FACE_COUNT);
+    return status == OK && file ? drive_place_open(&screen->place, gpu, file, place) : status;
 }
 
 void drive_screen_close(struct drive_screen *screen)
@@ -257,24 +259,24 @@ static enum status draw_pane(struct drive_screen *screen, const struct brush *br
     return pane == DRIVE_MAP && screen->has_place ? drive_place_draw(&screen->place, brush, &view) : OK;
 }
 
-enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surface *surface, int64_t now_ns)
+enum status drive_screen_draw(struct drive_screen *screen, const struct viewer_surface *surface, int64_t now_ns)
 {
     const struct ui_input input = {
         .width_px = surface->width, .height_px = surface->height, .px_per_dp = surface->px_per_dp, .now_ns = now_ns};
-    const struct brush brush = {s->ui, theme_of(true), NULL};
-    enum status status = draw_panes(s, surface);
-    if (status == OK && s->has_place)
-        drive_place_update(&s->place, drive_session_surroundings(s->session));
+    const struct brush brush = {screen->ui, theme_of(true), NULL};
+    enum status status = draw_panes(screen, surface);
+    if (status == OK && screen->has_place)
+        drive_place_update(&screen->place, drive_session_surroundings(screen->session));
     if (status == OK)
-        status = ui_begin(s->ui, &input);
+        status = ui_begin(screen->ui, &input);
     if (status != OK)
         return status;
-    for (int k = 0; k < (s->map ? DRIVE_PANES : 1) && status == OK; k++)
-        status = draw_pane(s, &brush, k);
-    if (s->controls && status == OK) {
-        const struct drive_readings readings = drive_session_readings(s->session);
-        drive_controls_draw(s->controls, &readings, s->session->eye.viewpoint, s->map, &brush);
+    for (int k = 0; k < (screen->map ? DRIVE_PANES : 1) && status == OK; k++)
+        status = draw_pane(screen, &brush, k);
+    if (screen->controls && status == OK) {
+        const struct drive_readings readings = drive_session_readings(screen->session);
+        drive_controls_draw(screen->controls, &readings, screen->session->eye.viewpoint, screen->map, &brush);
     }
-    ui_end(s->ui);
-    return status == OK ? ui_draw(s->ui, surface->target, surface->quarter_turns) : status;
+    ui_end(screen->ui);
+    return status == OK ? ui_draw(screen->ui, surface->target, surface->quarter_turns) : status;
 }

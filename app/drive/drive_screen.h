@@ -63,7 +63,7 @@ struct drive_screen {
 
 // Borrows the session. file: the recording in whose place the robot is driven; NULL: none; place: that place, borrowed.
 // ERR_DEVICE, ERR_MEMORY; as recording_open and take_open. On error drive_screen_close is needed, too.
-MUST_CHECK enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session,
+MUST_CHECK enum status drive_screen_open(struct drive_screen *screen, struct gpu *gpu, struct drive_session *session,
                                          const char *file, const struct place *place);
 void drive_screen_close(struct drive_screen *screen); // zeroed is fine; before the session is closed
 
@@ -73,4 +73,5 @@ struct ui_box drive_screen_box(const struct drive_screen *screen, double width, 
 struct drive_eye *drive_screen_eye(struct drive_screen *screen, int pane);
 
 // Draws the session as it is now. ERR_DEVICE, ERR_MEMORY, and as drive_session_draw.
-MUST_CHECK enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surface *surface, int64_t now_ns);
+MUST_CHECK enum status drive_screen_draw(struct drive_screen *screen, const struct viewer_surface *surface,
+                                         int64_t now_ns);

@@ -260,12 +260,12 @@ static void read_thing(const struct recorded_thing *from, struct place_thing *th
         thing->model = (struct glb_model){0};
 }
 
-enum status place_things_read(struct recording *r, struct place_things *out)
+enum status place_things_read(struct recording *recording, struct place_things *out)
 {
     struct recorded_thing *recorded;
     int count;
     *out = (struct place_things){0};
-    enum status status = recording_read_things(r, &recorded, &count);
+    enum status status = recording_read_things(recording, &recorded, &count);
     if (status != OK)
         return status;
     out->things = calloc((size_t)count + 1, sizeof *out->things);

@@ -29,7 +29,7 @@ struct place_things {
 };
 
 // Pictures and models that cannot be read are left out. As recording_read_things; on error there are none.
-MUST_CHECK enum status place_things_read(struct recording *r, struct place_things *out);
+MUST_CHECK enum status place_things_read(struct recording *recording, struct place_things *out);
 void place_things_free(struct place_things *things); // zeroed is fine
 
 // The largest standard deviation of a covariance in any direction: the longest half axis of its ellipsoid.

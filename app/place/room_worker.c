@@ -178,37 +178,38 @@ static bool same_pose(const struct pose *a, const struct pose *b)
     return pose_angle(*a, *b) < 1e-9 && v3_distance(a->translation, b->translation) < 1e-9;
 }
 
-enum status filmed_layer_draw(struct filmed_layer *f, struct solid_renderer *r, const struct room_picture *p,
-                              const struct lens *lens, struct pose world_from_camera, const struct gpu_texture **out)
+enum status filmed_layer_draw(struct filmed_layer *layer, struct solid_renderer *renderer,
+                              const struct room_picture *picture, const struct lens *lens,
+                              struct pose world_from_camera, const struct gpu_texture **out)
 {
     enum status status = OK;
-    if (f->target && p->number == f->drawn_number && lens_equal(lens, &f->drawn_lens) &&
-        same_pose(&f->drawn_pose, &world_from_camera)) {
-        *out = gpu_target_texture(f->target);
+    if (layer->target && picture->number == layer->drawn_number && lens_equal(lens, &layer->drawn_lens) &&
+        same_pose(&layer->drawn_pose, &world_from_camera)) {
+        *out = gpu_target_texture(layer->target);
         return OK;
     }
-    if (!f->target || f->width != lens->width || f->height != lens->height) {
-        gpu_target_close(&f->target);
-        f->width = lens->width;
-        f->height = lens->height;
-        status = gpu_target_open(&f->target, f->gpu, lens->width, lens->height);
+    if (!layer->target || layer->width != lens->width || layer->height != lens->height) {
+        gpu_target_close(&layer->target);
+        layer->width = lens->width;
+        layer->height = lens->height;
+        status = gpu_target_open(&layer->target, layer->gpu, lens->width, lens->height);
     }
-    if (status == OK && p->number != f->number)
-        status = upload_picture(f, p);
+    if (status == OK && picture->number != layer->number)
+        status = upload_picture(layer, picture);
     if (status != OK)
         return status;
-    const struct solid_view view = {f->target, *lens, world_from_camera};
-    const bool still = v3_distance(p->world_from_view.translation, world_from_camera.translation) < STILL_M;
-    const struct solid_look flat = {p->world_from_view, still ? 1 : BEHIND_M, f->texture, false};
-    const struct solid_look bent = {POSE_IDENTITY, 1, f->texture, false};
-    gpu_target_clear(f->target);
-    solid_renderer_draw(r, &view, f->flat, &flat);
+    const struct solid_view view = {layer->target, *lens, world_from_camera};
+    const bool still = v3_distance(picture->world_from_view.translation, world_from_camera.translation) < STILL_M;
+    const struct solid_look flat = {picture->world_from_view, still ? 1 : BEHIND_M, layer->texture, false};
+    const struct solid_look bent = {POSE_IDENTITY, 1, layer->texture, false};
+    gpu_target_clear(layer->target);
+    solid_renderer_draw(renderer, &view, layer->flat, &flat);
     if (!still)
-        solid_renderer_draw(r, &view, f->mesh, &bent);
-    f->drawn_number = p->number;
-    f->drawn_lens = *lens;
-    f->drawn_pose = world_from_camera;
-    *out = gpu_target_texture(f->target);
+        solid_renderer_draw(renderer, &view, layer->mesh, &bent);
+    layer->drawn_number = picture->number;
+    layer->drawn_lens = *lens;
+    layer->drawn_pose = world_from_camera;
+    *out = gpu_target_texture(layer->target);
     return OK;
 }
 
@@ -267,28 +268,28 @@ static bool take_pictures(struct room_views *views, struct room_worker *worker)
     return fresh;
 }
 
-enum status room_views_draw(struct room_views *v, struct room_worker *worker, const struct lens *lens,
+enum status room_views_draw(struct room_views *views, struct room_worker *worker, const struct lens *lens,
                             struct pose world_from_camera, const struct gpu_texture **out)
 {
     const struct surround_picture *list[ROOM_DEPTHS];
-    const struct surround_image image = {*lens, world_from_camera, v->options, false, 1};
+    const struct surround_image image = {*lens, world_from_camera, views->options, false, 1};
     int count = 0;
-    const bool fresh = take_pictures(v, worker);
-    *out = v->texture;
-    if (v->texture && !fresh && !room_views_more(v) && lens_equal(lens, &v->lens) &&
-        same_pose(&world_from_camera, &v->pose))
+    const bool fresh = take_pictures(views, worker);
+    *out = views->texture;
+    if (views->texture && !fresh && !room_views_more(views) && lens_equal(lens, &views->lens) &&
+        same_pose(&world_from_camera, &views->pose))
         return OK;
     for (int i = 0; i < ROOM_DEPTHS; i++)
-        if (v->pictures[i].inverse)
-            list[count++] = &v->pictures[i];
+        if (views->pictures[i].inverse)
+            list[count++] = &views->pictures[i];
     if (!count)
         return OK;
     enum status status = surround_view_rank(world_from_camera, list, count);
     if (status == OK)
-        status = surround_renderer_draw(v->renderer, &image, list, count, out);
-    v->texture = status == OK ? *out : NULL;
-    v->lens = *lens;
-    v->pose = world_from_camera;
+        status = surround_renderer_draw(views->renderer, &image, list, count, out);
+    views->texture = status == OK ? *out : NULL;
+    views->lens = *lens;
+    views->pose = world_from_camera;
     return status;
 }
 

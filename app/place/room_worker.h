@@ -66,7 +66,7 @@ void filmed_layer_close(struct filmed_layer **f); // NULL is fine
 
 // Draws the picture into a texture of the lens's size, premultiplied, transparent where nothing was filmed; valid until
 // the next call. Costs nothing where nothing has changed. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status filmed_layer_draw(struct filmed_layer *f, struct solid_renderer *r,
+MUST_CHECK enum status filmed_layer_draw(struct filmed_layer *layer, struct solid_renderer *renderer,
                                          const struct room_picture *picture, const struct lens *lens,
                                          struct pose world_from_camera, const struct gpu_texture **out);
 
@@ -83,7 +83,7 @@ void room_views_close(struct room_views **v);
 
 // Draws into a texture of the lens's size, premultiplied, transparent where nothing was filmed; valid until the next
 // call; *out NULL: nothing has come yet. Costs nothing where nothing has changed. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status room_views_draw(struct room_views *v, struct room_worker *worker, const struct lens *lens,
+MUST_CHECK enum status room_views_draw(struct room_views *views, struct room_worker *worker, const struct lens *lens,
                                        struct pose world_from_camera, const struct gpu_texture **out);
 // Whether a picture waits for the next call, so that uploads do not hold up an image.
 bool room_views_more(const struct room_views *views);

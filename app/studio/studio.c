@@ -62,27 +62,27 @@ static void keep_settings(struct studio *studio)
     settings_keeper_update(&studio->settings, &now);
 }
 
-enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_options *options)
+enum status studio_open(struct studio *studio, struct gpu *gpu, const struct studio_options *options)
 {
-    *s = (struct studio){.options = *options, .gpu = gpu};
+    *studio = (struct studio){.options = *options, .gpu = gpu};
     const int64_t now_ns = clock_now_ns();
-    s->state = studio_start(true);
-    read_settings(s, now_ns);
-    s->state.number = next_number(options->file);
-    s->state.purpose = (int)options->purpose;
-    enum status status = open_ui(s);
-    if (status == OK && sound_open(&s->sound) < 0)
+    studio->state = studio_start(true);
+    read_settings(studio, now_ns);
+    studio->state.number = next_number(options->file);
+    studio->state.purpose = (int)options->purpose;
+    enum status status = open_ui(studio);
+    if (status == OK && sound_open(&studio->sound) < 0)
         status = ERR_MEMORY;
     if (status != OK)
         return status;
     if (options->sensor) {
-        snprintf(s->devices[0].uri, sizeof s->devices[0].uri, "%s", options->sensor);
-        snprintf(s->devices[0].name, sizeof s->devices[0].name, "%s", options->sensor);
-        s->device_count = 1;
-        studio_set_sensors(&s->state, 1, now_ns);
-        studio_choose_sensor(&s->state, 0, now_ns);
+        snprintf(studio->devices[0].uri, sizeof studio->devices[0].uri, "%s", options->sensor);
+        snprintf(studio->devices[0].name, sizeof studio->devices[0].name, "%s", options->sensor);
+        studio->device_count = 1;
+        studio_set_sensors(&studio->state, 1, now_ns);
+        studio_choose_sensor(&studio->state, 0, now_ns);
     } else {
-        list_devices(s, now_ns);
+        list_devices(studio, now_ns);
     }
     return OK;
 }
@@ -456,35 +456,37 @@ static enum status write_plan(struct studio *studio)
     return write_texture(studio, &studio->plan, &size, studio->plan_rgb);
 }
 
-enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns)
+enum status studio_draw(struct studio *studio, const struct viewer_surface *surface, int64_t now_ns)
 {
-    const int page = (int)s->state.page; // a button that is touched while it is drawn may lead to another
-    s->state.changed = false;
-    if (s->playing)
-        return viewer_draw(s->viewer, surface, now_ns);
-    enum status status = write_textures(s);
+    const int page = (int)studio->state.page; // a button that is touched while it is drawn may lead to another
+    studio->state.changed = false;
+    if (studio->playing)
+        return viewer_draw(studio->viewer, surface, now_ns);
+    enum status status = write_textures(studio);
     if (status == OK)
-        status = write_plan(s);
+        status = write_plan(studio);
     if (status != OK)
         return status;
     const struct ui_input input = {
-        surface->width,     surface->height,    surface->px_per_dp,    now_ns,
-        s->input.pointer_x, s->input.pointer_y, s->input.pointer_down, s->input.pointer_there};
-    status = ui_begin(s->ui, &input);
+        surface->width,          surface->height,         surface->px_per_dp,         now_ns,
+        studio->input.pointer_x, studio->input.pointer_y, studio->input.pointer_down, studio->input.pointer_there};
+    status = ui_begin(studio->ui, &input);
     if (status != OK)
         return status;
-    const struct brush brush = {s->ui, theme_of(s->state.dark), NULL};
-    if (s->scrolled != s->state.page)
-        s->scroll = (struct scroll){0};
-    s->scrolled = s->state.page;
-    (void)scroll_turn(&s->scroll, (struct ui_point){s->input.pointer_x, s->input.pointer_y}, -s->input.wheel);
-    s->input.wheel = 0;
-    const struct studio_view view = {s->options.file, s->devices, s->device_count, &s->shown, s->color,
-                                     s->depth,        s->plan,    s->plan_part,    &s->scroll};
-    studio_screen_draw(&brush, &s->state, &view, now_ns);
-    ui_end(s->ui);
-    status = ui_draw(s->ui, surface->target, surface->quarter_turns);
-    s->state.changed |= s->input.leaving || ui_letters_wanted(s->ui) || ui_comes_to_rest(s->ui);
-    input_map_frame_done(&s->input, page);
+    const struct brush brush = {studio->ui, theme_of(studio->state.dark), NULL};
+    if (studio->scrolled != studio->state.page)
+        studio->scroll = (struct scroll){0};
+    studio->scrolled = studio->state.page;
+    (void)scroll_turn(&studio->scroll, (struct ui_point){studio->input.pointer_x, studio->input.pointer_y},
+                      -studio->input.wheel);
+    studio->input.wheel = 0;
+    const struct studio_view view = {studio->options.file, studio->devices,   studio->device_count,
+                                     &studio->shown,       studio->color,     studio->depth,
+                                     studio->plan,         studio->plan_part, &studio->scroll};
+    studio_screen_draw(&brush, &studio->state, &view, now_ns);
+    ui_end(studio->ui);
+    status = ui_draw(studio->ui, surface->target, surface->quarter_turns);
+    studio->state.changed |= studio->input.leaving || ui_letters_wanted(studio->ui) || ui_comes_to_rest(studio->ui);
+    input_map_frame_done(&studio->input, page);
     return status;
 }

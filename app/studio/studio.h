@@ -49,7 +49,7 @@ struct studio {
 };
 
 // ERR_DEVICE, ERR_MEMORY: call studio_close. A sensor that does not open is shown, no error.
-MUST_CHECK enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_options *options);
+MUST_CHECK enum status studio_open(struct studio *studio, struct gpu *gpu, const struct studio_options *options);
 void studio_close(struct studio *studio); // ends a take that is being made in good order; zeroed is fine
 
 // An event of the window. True: draw a frame before passing the next one.
@@ -62,7 +62,7 @@ bool studio_changed(const struct studio *studio);
 bool studio_types(const struct studio *studio); // whether text is typed
 
 // ERR_DEVICE: the GPU context is lost.
-MUST_CHECK enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns);
+MUST_CHECK enum status studio_draw(struct studio *studio, const struct viewer_surface *surface, int64_t now_ns);
 
 // Whether the program may end: asked to, and no take is being written.
 bool studio_finished(const struct studio *studio);

@@ -263,17 +263,17 @@ void avatar_builder_await_kept(struct avatar_builder *builder, int64_t max_ns)
     pthread_mutex_unlock(&builder->worker.lock);
 }
 
-enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *avatar, enum status *status)
+enum avatar_news avatar_builder_take(struct avatar_builder *builder, struct avatar *avatar, enum status *status)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    const enum avatar_news news = p->news;
+    pthread_mutex_lock(&builder->worker.lock);
+    const enum avatar_news news = builder->news;
     if (news != AVATAR_NO_NEWS) {
-        *status = failure_restore(&p->failure);
-        *avatar = p->avatar;
-        p->avatar = (struct avatar){0};
-        p->news = AVATAR_NO_NEWS;
+        *status = failure_restore(&builder->failure);
+        *avatar = builder->avatar;
+        builder->avatar = (struct avatar){0};
+        builder->news = AVATAR_NO_NEWS;
     }
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_unlock(&builder->worker.lock);
     return news;
 }
 
@@ -289,11 +289,11 @@ bool avatar_builder_take_occluders(struct avatar_builder *builder, struct occlud
     return there;
 }
 
-enum status avatar_builder_kept(struct avatar_builder *p)
+enum status avatar_builder_kept(struct avatar_builder *builder)
 {
-    pthread_mutex_lock(&p->worker.lock);
-    const struct failure kept = p->kept;
-    pthread_mutex_unlock(&p->worker.lock);
+    pthread_mutex_lock(&builder->worker.lock);
+    const struct failure kept = builder->kept;
+    pthread_mutex_unlock(&builder->worker.lock);
     return failure_restore(&kept);
 }
 

@@ -36,14 +36,14 @@ enum avatar_news {
 };
 // *status: NOTHING: too little of the actor was seen, or the take has no depth. Errors: as recording_open,
 // take_open_shared and avatar_make.
-enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *avatar, enum status *status);
+enum avatar_news avatar_builder_take(struct avatar_builder *builder, struct avatar *avatar, enum status *status);
 
 // True, once: *occluders is the caller's; empty where there is no mesh.
 bool avatar_builder_take_occluders(struct avatar_builder *builder, struct occluder_mesh *occluders);
 
 // Once they have ended: OK: the recording keeps the full avatar, or there is none. ERR_IO: it cannot be written now.
 // ERR_MEMORY.
-MUST_CHECK enum status avatar_builder_kept(struct avatar_builder *p);
+MUST_CHECK enum status avatar_builder_kept(struct avatar_builder *builder);
 
 // The threads have ended. What they made may still be taken.
 bool avatar_builder_ended(const struct avatar_builder *builder);

@@ -385,26 +385,26 @@ static enum status adopt_avatar(struct take_view *view, struct avatar *avatar, e
     return made < 0 ? made : given;
 }
 
-enum status take_view_adopt_avatar(struct take_view *s)
+enum status take_view_adopt_avatar(struct take_view *view)
 {
     struct avatar avatar;
     struct occluder_mesh occluders;
     enum status made, status = OK;
-    if (!s->builder || !s->renderer)
+    if (!view->builder || !view->renderer)
         return OK;
-    const enum avatar_news news = avatar_builder_take(s->builder, &avatar, &made);
+    const enum avatar_news news = avatar_builder_take(view->builder, &avatar, &made);
     if (news != AVATAR_NO_NEWS)
-        status = adopt_avatar(s, &avatar, made);
-    s->has_full |= news == AVATAR_FULL;
-    s->outdated |= news != AVATAR_NO_NEWS;
-    if (avatar_builder_take_occluders(s->builder, &occluders)) {
-        const enum status occluded = renderer_set_room(s->renderer, &occluders);
+        status = adopt_avatar(view, &avatar, made);
+    view->has_full |= news == AVATAR_FULL;
+    view->outdated |= news != AVATAR_NO_NEWS;
+    if (avatar_builder_take_occluders(view->builder, &occluders)) {
+        const enum status occluded = renderer_set_room(view->renderer, &occluders);
         status = status < 0 ? status : occluded;
-        s->has_room = s->outdated = true;
+        view->has_room = view->outdated = true;
     }
-    if (s->has_full && s->has_room && avatar_builder_ended(s->builder)) {
-        status = status < 0 ? status : avatar_builder_kept(s->builder);
-        avatar_builder_close(&s->builder);
+    if (view->has_full && view->has_room && avatar_builder_ended(view->builder)) {
+        status = status < 0 ? status : avatar_builder_kept(view->builder);
+        avatar_builder_close(&view->builder);
     }
     return status;
 }
@@ -496,10 +496,10 @@ static enum status use_prefetched(struct take_view *view, const struct take_view
     return OK;
 }
 
-enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MAX], int *count)
+enum status take_view_read_seen(struct take_view *view, float share[OVERLAY_GROUPS_MAX], int *count)
 {
     *count = 0;
-    return s->renderer ? renderer_read_seen(s->renderer, share, count) : OK;
+    return view->renderer ? renderer_read_seen(view->renderer, share, count) : OK;
 }
 
 void take_view_presented(struct take_view *view)
@@ -577,22 +577,22 @@ static enum status draw_actor(struct take_view *take_view, const struct take_vie
     return request->sources ? draw_sources(take_view, result.width, result.height, out) : OK;
 }
 
-enum status take_view_draw(struct take_view *s, const struct take_view_request *request, struct take_view_image *out)
+enum status take_view_draw(struct take_view *view, const struct take_view_request *request, struct take_view_image *out)
 {
     *out = (struct take_view_image){
         .lens = request->lens, .world_from_camera = request->world_from_camera, .camera = request->camera, .frame = -1};
     enum status status = OK;
     struct track_sample sample;
-    bool has_skeleton = skeleton_track_at(s->track, request->time_ns, true, &sample) == OK;
-    s->substituted = s->outdated = false;
+    bool has_skeleton = skeleton_track_at(view->track, request->time_ns, true, &sample) == OK;
+    view->substituted = view->outdated = false;
     if (!request->camera_lost)
-        set_body(s, out);
+        set_body(view, out);
     if (has_skeleton)
-        place_skeleton(s, request, &sample, out);
+        place_skeleton(view, request, &sample, out);
     if (!request->camera_lost)
-        status = draw_actor(s, request, has_skeleton ? sample.frame : -1, out);
-    s->stood_in = out->making || out->bodiless || (s->stood_in && request->sensor);
-    if (status == OK && (request->inset || s->stood_in) && has_skeleton)
-        status = upload_inset(s, request, sample.frame, out);
+        status = draw_actor(view, request, has_skeleton ? sample.frame : -1, out);
+    view->stood_in = out->making || out->bodiless || (view->stood_in && request->sensor);
+    if (status == OK && (request->inset || view->stood_in) && has_skeleton)
+        status = upload_inset(view, request, sample.frame, out);
     return status;
 }

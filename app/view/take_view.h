@@ -31,7 +31,7 @@ void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; can
 
 // Adopts the avatar when it is finished. An error, once: it could not be built, and the sentence says why; drawing goes
 // on without it; or it was built and the recording cannot keep it.
-MUST_CHECK enum status take_view_adopt_avatar(struct take_view *s);
+MUST_CHECK enum status take_view_adopt_avatar(struct take_view *view);
 double take_view_progress(const struct take_view *view); // share of the avatar's work, 0..1; 1: nothing is running
 bool take_view_final(const struct take_view *view);      // false: drawing the same request again would improve it
 bool take_view_waiting(
@@ -96,12 +96,12 @@ struct take_view_image {
     int parts;                // body parts drawn
 };
 // Draws one request. ERR_DEVICE, ERR_MEMORY, ERR_CORRUPT, ERR_IO; *out is then undefined.
-MUST_CHECK enum status take_view_draw(struct take_view *s, const struct take_view_request *request,
+MUST_CHECK enum status take_view_draw(struct take_view *view, const struct take_view_request *request,
                                       struct take_view_image *out);
 
 // Of each group of the last request.overlay that was drawn the share that is seen (depth_overlay_read). *count: 0: none
 // was drawn yet. ERR_DEVICE.
-MUST_CHECK enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MAX], int *count);
+MUST_CHECK enum status take_view_read_seen(struct take_view *view, float share[OVERLAY_GROUPS_MAX], int *count);
 
 // To be called after the image was presented: starts loading what the next ones are predicted to show.
 void take_view_presented(struct take_view *view);
