@@ -1,7 +1,7 @@
 // Training images: the truth belongs to the picture, every kind occurs, and the same seed gives the same bytes.
 #include "tests/support/test.h"
 
-#include "tests/world/training/training_image.h"
+#include "tests/world/training/training_crop.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -135,6 +135,43 @@ static void test_nobody(void **state)
     EXPECT_AT_LEAST(empty, 1);
 }
 
+// The joints that are seen are in their cells' readings, the person's middle is near the waist.
+static void test_crops_show_the_person(void **state)
+{
+    (void)state;
+    struct training_crop crop;
+    int made = 0, nobody = 0, seen = 0, inside = 0;
+    for (int i = 0; i < 120; i++) {
+        struct training_scene scene;
+        render(i, &scene, image);
+        if (!training_crop_make(&scene, image, &crop))
+            continue;
+        made++;
+        nobody += !crop.person;
+        for (int j = 0; j < JOINT_COUNT && crop.person; j++) {
+            const float *p = crop.joint[j];
+            const double u = ((double)(crop.fx * p[0] / p[2] + crop.cx) + 0.5 - (double)crop.left_px) /
+                             (double)crop.cell_px,
+                         v = ((double)(crop.fy * p[1] / p[2] + crop.cy) + 0.5 - (double)crop.top_px) /
+                             (double)crop.cell_px;
+            if (p[3] < 1)
+                continue;
+            seen++;
+            if (u < 0 || v < 0 || u >= CROP_CELLS || v >= CROP_CELLS)
+                continue;
+            const int part = crop.part[(int)v * CROP_CELLS + (int)u];
+            inside += part != TRAINING_NOTHING && part != TRAINING_OTHER;
+        }
+        if (crop.person)
+            EXPECT_NEAR(crop.middle_m, crop.joint[JOINT_WAIST][2], 0.6);
+    }
+    print_message("%d crops, %d of nobody; %d of %d joints that are seen are in the body's cells\n", made, nobody,
+                  inside, seen);
+    EXPECT_AT_LEAST(made, 80);
+    EXPECT_AT_LEAST(nobody, 3);
+    EXPECT_AT_LEAST(inside, seen * 9 / 10);
+}
+
 // A ball at a known place, and the floor before it.
 static void test_solids_are_where_they_are(void **state)
 {
@@ -162,6 +199,7 @@ int main(void)
         cmocka_unit_test(test_every_kind_occurs),
         cmocka_unit_test(test_nobody),
         cmocka_unit_test(test_solids_are_where_they_are),
+        cmocka_unit_test(test_crops_show_the_person),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

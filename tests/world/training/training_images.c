@@ -1,5 +1,6 @@
 // training-images: depth images of people with truth, for training a body model, to standard output or a file; or a
-// picture of some of them to look at.
+// picture of some of them to look at; or crops about the person (training_crop.h), of which those that show too little
+// of a person are passed over.
 //
 // Each image, little-endian: "RTI1"; uint16 width, height; uint8 sensor, whether a person is in it, the posture, 0;
 // float32 fx, fy, cx, cy, shares cut and hidden, facing (radians); 16 joints of float32 x, y, z (camera axes, metres)
@@ -7,7 +8,7 @@
 #include "app/commands/command.h"
 #include "base/pixels.h"
 #include "platform/files/png.h"
-#include "tests/world/training/training_image.h"
+#include "tests/world/training/training_crop.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,6 +23,7 @@ enum {
     KEY_MOTIONS,
     KEY_WITHOUT,
     KEY_OUT,
+    KEY_CROPS,
     KEY_SHEET
 };
 enum { WITHOUT_MOST = 64 };
@@ -33,6 +35,7 @@ struct arguments {
     uint64_t seed;
     int first, count;
     const char *out, *sheet;
+    bool crops;
 };
 
 static uint64_t whole_number(struct argp_state *state, const char *text, const char *option, double low, double high)
@@ -60,6 +63,7 @@ static error_t parse(int key, char *text, struct argp_state *state)
         a->without[a->without_count++] = text;
         return 0;
     case KEY_OUT: a->out = text; return 0;
+    case KEY_CROPS: a->crops = true; return 0;
     case KEY_SHEET: a->sheet = text; return 0;
     case ARGP_KEY_ARG: argp_error(state, "'%s' is no option", text); return EINVAL;
     default: return ARGP_ERR_UNKNOWN;
@@ -86,6 +90,12 @@ static bool write_record(FILE *to, const struct training_scene *scene, const str
            fwrite(kinds, sizeof kinds, 1, to) == 1 && fwrite(numbers, sizeof numbers, 1, to) == 1 &&
            fwrite(joints, sizeof joints, 1, to) == 1 && fwrite(image->depth, 2, pixels, to) == pixels &&
            fwrite(image->part, 1, pixels, to) == pixels;
+}
+
+static bool write_crop(FILE *to, const struct training_scene *scene, const struct training_image *image)
+{
+    struct training_crop crop;
+    return !training_crop_make(scene, image, &crop) || fwrite(&crop, sizeof crop, 1, to) == 1;
 }
 
 // ---------------------------------------------------------------- a sheet to look at
@@ -142,7 +152,7 @@ static enum status make_images(const struct arguments *arguments, const struct t
         status = training_image_render(renderer, &scene, image);
         if (status == OK && sheet)
             draw_cell(&scene, image, sheet, COLUMNS * CELL_W, i % COLUMNS * CELL_W, i / COLUMNS * CELL_H);
-        else if (status == OK && !write_record(to, &scene, image))
+        else if (status == OK && !(arguments->crops ? write_crop(to, &scene, image) : write_record(to, &scene, image)))
             status = fail(ERR_IO, "the images cannot be written");
     }
     training_renderer_close(&renderer);
@@ -184,6 +194,7 @@ int main(int argc, char **argv)
         {"motions", KEY_MOTIONS, "DIR", 0, "Also poses of this folder's BVH files", 0},
         {"without", KEY_WITHOUT, "NAME", 0, "But not of this file (repeatable)", 0},
         {"out", KEY_OUT, "FILE", 0, "Write to this new file; default standard output", 0},
+        {"crops", KEY_CROPS, NULL, 0, "Squares about the person instead of images", 0},
         {"sheet", KEY_SHEET, "FILE", 0, "Draw them into this PNG instead", 0},
         {0},
     };

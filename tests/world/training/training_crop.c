@@ -1,0 +1,94 @@
+#include "tests/world/training/training_crop.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct square {
+    double x, y, side; // middle and side, pixels
+};
+
+static bool is_own(uint8_t part) { return part != TRAINING_NOTHING && part != TRAINING_OTHER; }
+
+static struct square square_about_person(const struct training_image *image, struct rng *rng)
+{
+    int x0 = image->width, x1 = -1, y0 = image->height, y1 = -1;
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x++)
+            if (is_own(image->part[y * image->width + x])) {
+                x0 = x < x0 ? x : x0;
+                x1 = x > x1 ? x : x1;
+                y0 = y < y0 ? y : y0;
+                y1 = y > y1 ? y : y1;
+            }
+    const double side = fmax(x1 - x0, y1 - y0) + 1;
+    struct square out = {.side = side * rng_between(rng, 1.04, 1.3)};
+    out.x = 0.5 * (x0 + x1) + side * rng_between(rng, -0.06, 0.06);
+    out.y = 0.5 * (y0 + y1) + side * rng_between(rng, -0.06, 0.06);
+    return out;
+}
+
+static struct square square_anywhere(const struct training_scene *scene, const struct training_image *image,
+                                     struct rng *rng)
+{
+    const int x = rng_pick(rng, image->width), y = rng_pick(rng, image->height),
+              mm = image->depth[y * image->width + x];
+    return (struct square){x, y, scene->lens.fx * rng_between(rng, 0.8, 2) / fmax(0.8, 1e-3 * mm)};
+}
+
+static int compare_depths(const void *a, const void *b)
+{
+    return (int)*(const uint16_t *)a - (int)*(const uint16_t *)b;
+}
+
+// Of the person's readings, or of all where there is nobody; 0: none.
+static double median_m(const struct training_crop *crop)
+{
+    uint16_t readings[CROP_CELLS * CROP_CELLS];
+    size_t count = 0;
+    for (int i = 0; i < CROP_CELLS * CROP_CELLS; i++)
+        if (crop->depth[i] && (!crop->person || is_own(crop->part[i])))
+            readings[count++] = crop->depth[i];
+    if (count < 60)
+        return 0;
+    qsort(readings, count, sizeof *readings, compare_depths);
+    return 1e-3 * readings[count / 2];
+}
+
+bool training_crop_make(const struct training_scene *scene, const struct training_image *image,
+                        struct training_crop *out)
+{
+    struct rng rng = {scene->noise_seed ^ 0x9e3779b97f4a7c15u};
+    if (scene->person_count && !image->person)
+        return false;
+    const struct square square = image->person ? square_about_person(image, &rng) : square_anywhere(scene, image, &rng);
+    memset(out, 0, sizeof *out);
+    out->cell_px = (float)(square.side / CROP_CELLS);
+    out->left_px = (float)(square.x - square.side / 2 + 0.5);
+    out->top_px = (float)(square.y - square.side / 2 + 0.5);
+    out->fx = (float)scene->lens.fx;
+    out->fy = (float)scene->lens.fy;
+    out->cx = (float)scene->lens.cx;
+    out->cy = (float)scene->lens.cy;
+    out->facing_rad = (float)image->facing_rad;
+    out->cut = (float)image->cut;
+    out->hidden = (float)image->hidden;
+    out->person = image->person;
+    out->sensor = (uint8_t)scene->sensor;
+    out->posture = (uint8_t)scene->person[0].posture;
+    for (int i = 0; i < CROP_CELLS; i++)
+        for (int j = 0; j < CROP_CELLS; j++) {
+            const int x = (int)floor((double)out->left_px + (double)out->cell_px * (j + 0.5)),
+                      y = (int)floor((double)out->top_px + (double)out->cell_px * (i + 0.5));
+            if (x < 0 || y < 0 || x >= image->width || y >= image->height)
+                continue;
+            out->depth[i * CROP_CELLS + j] = image->depth[y * image->width + x];
+            out->part[i * CROP_CELLS + j] = image->part[y * image->width + x];
+        }
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const struct vec3 p = image->joints.joint[j];
+        const float values[4] = {(float)p.x, (float)p.y, (float)p.z, image->joints.confidence[j]};
+        memcpy(out->joint[j], values, sizeof values);
+    }
+    out->middle_m = (float)median_m(out);
+    return out->middle_m > 0;
+}
