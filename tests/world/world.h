@@ -59,7 +59,8 @@ struct world_options {
     // a kick with each leg, arms crossed. "still", "bend" (bends down and lifts), "walk" (across, and back), "hide" (an
     // arm behind the back, and quickly out again), "visit" (comes in from the side, moves, and leaves on the other
     // side), "raise-hand" (one hand above the head, then the other), "kneel" (on both knees), "crouch" (from standing),
-    // "sit" (on a seat that is not there). A posture of tests/world/posture.h, "push-up", with a seed "push-up:7". Or the path of a BVH file, which must contain a
+    // "sit" (on a seat that is not there). A posture of tests/world/posture.h, "push-up", with a seed "push-up:7". Or
+    // the path of a BVH file, which must contain a
     // '/' or end in ".bvh"; of one that extends further than 2.6 m, the longest stretch that does not is taken.
     const char *motion;
     bool whole; // of a BVH file all of it, however far it extends: the same for figures of any size
