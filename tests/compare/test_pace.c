@@ -30,15 +30,20 @@ static void hold_frame(struct order *order, int32_t frame, int32_t frames)
 
 static struct pace measure(const struct order *order, double tempo)
 {
-    struct exercise e = exercise_default();
-    struct joint_samples samples;
+    struct exercise e = exercise_default(), longer;
+    struct joint_samples samples, more;
     struct movement a, b;
     struct pace pace;
     e.seconds = 9 / tempo;
     e.tempo = tempo;
+    longer = e;
+    longer.seconds = MAX_FRAMES / MOVEMENT_RATE_HZ + 1;
     exercise_samples(&e, &rng, &samples);
+    exercise_samples(&longer, &rng, &more);
     EXPECT_STATUS(movement_from_samples(&samples, &a), OK);
-    EXPECT_STATUS(movement_copy(&a, 0, order->count, &b), OK);
+    EXPECT_STATUS(movement_from_samples(&more, &b), OK);
+    assert_true(order->count <= b.count);
+    b.count = order->count; // whose frames are replaced
     struct timeline t = {malloc((size_t)order->count * sizeof *t.reference), order->count};
     assert_non_null(t.reference);
     for (int32_t f = 0; f < order->count; f++) {
@@ -51,6 +56,7 @@ static struct pace measure(const struct order *order, double tempo)
                       pace.pieces[k].a_end, pace.pieces[k].b_first, pace.pieces[k].b_end);
     timeline_free(&t);
     joint_samples_free(&samples);
+    joint_samples_free(&more);
     movement_free(&a);
     movement_free(&b);
     return pace;
