@@ -181,17 +181,6 @@ namespace
 // Lower than OpenCV's 0.04: printing in faint colours counts, and what is false is found out later.
 constexpr double CONTRAST = 0.015;
 
-enum status fail_current()
-{
-    try {
-        throw;
-    } catch (const std::bad_alloc &) {
-        return fail(ERR_MEMORY, "no memory to detect features");
-    } catch (const std::exception &e) {
-        return fail(ERR_SOLVER, "the detection of features failed (OpenCV: %s)", e.what());
-    }
-}
-
 } // namespace
 
 enum status scale_features_detect(const uint8_t *plane, int width, int height, struct scale_feature *out, int capacity,
@@ -215,6 +204,6 @@ enum status scale_features_detect(const uint8_t *plane, int width, int height, s
         }
         return OK;
     } catch (...) {
-        return fail_current();
+        return fail_current_exception();
     }
 }
