@@ -46,19 +46,19 @@ struct live_counting live_counting_of(const struct expectation *expected, int64_
     return out;
 }
 
-static void apply_stretch(const struct live_counting *counting, int64_t offset_ns, double seconds,
-                          struct expectation *expected)
+static enum status apply_stretch(const struct live_counting *counting, int64_t offset_ns, double seconds,
+                                 struct expectation *expected)
 {
     const double from_s = fmax(0, (double)(counting->from_ns - offset_ns) * 1e-9),
-                 to_s = fmin(seconds, (double)(counting->to_ns - offset_ns) * 1e-9);
+                 to_s = fmax(0, fmin(seconds, (double)(counting->to_ns - offset_ns) * 1e-9));
+    if (counting->to_ns > 0)
+        return expectation_set_stretch(expected, from_s, to_s, seconds);
     expected->from_s = expected->to_s = 0;
-    if (counting->to_ns <= 0)
-        return;
-    status_ignore(expectation_set_stretch(expected, from_s, to_s, seconds)); // too short: all of it counts
+    return OK;
 }
 
-void live_counting_apply(const struct live_counting *counting, int64_t offset_ns, double seconds,
-                         struct expectation *expected)
+enum status live_counting_apply(const struct live_counting *counting, int64_t offset_ns, double seconds,
+                                struct expectation *expected)
 {
     const struct live_counting before = live_counting_of(expected, offset_ns);
     for (int g = 0; g < LIVE_GROUPS; g++) {
@@ -71,6 +71,6 @@ void live_counting_apply(const struct live_counting *counting, int64_t offset_ns
             if (parts >> p & 1)
                 expected->tolerance_rad[p] = fmin(TOLERANCE_MAX_RAD, deg / RAD);
     }
-    if (counting->from_ns != before.from_ns || counting->to_ns != before.to_ns)
-        apply_stretch(counting, offset_ns, seconds, expected);
+    const bool same = counting->from_ns == before.from_ns && counting->to_ns == before.to_ns;
+    return same ? OK : apply_stretch(counting, offset_ns, seconds, expected);
 }

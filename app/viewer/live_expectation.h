@@ -8,7 +8,7 @@
 struct live_counting live_counting_of(const struct expectation *expected, int64_t offset_ns);
 
 // Changes what differs from live_counting_of alone: of a group whose parts count in part, or by different tolerances,
-// nothing changes until it is touched. seconds: the reference's length. A stretch of which less than half a second is
-// in the reference is left out.
-void live_counting_apply(const struct live_counting *counting, int64_t offset_ns, double seconds,
-                         struct expectation *expected);
+// nothing changes until it is touched. seconds: the reference's length. ERR_INPUT: less than half a second of the
+// stretch is in the reference; the one before stays, and all else is changed.
+MUST_CHECK enum status live_counting_apply(const struct live_counting *counting, int64_t offset_ns, double seconds,
+                                           struct expectation *expected);

@@ -96,7 +96,9 @@ static void take_counting(struct viewer_live *live)
     if (!s->counting_changed)
         return;
     s->counting_changed = false;
-    live_counting_apply(&s->counting, live->offset_ns, live->expecting.seconds, expected);
+    if (live_counting_apply(&s->counting, live->offset_ns, live->expecting.seconds, expected) != OK)
+        view_state_warn(&live->shared->state, "Too little of the actor is seen in the marked part for it to count",
+                        clock_now_ns());
     s->counting = live_counting_of(expected, live->offset_ns);
     live->unkept = true;
 }

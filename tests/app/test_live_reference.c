@@ -172,24 +172,34 @@ static void test_what_is_touched_is_expected(void **state)
     EXPECT_NEAR(c.tolerance_deg[GROUP_LEGS], 0, 1e-9);
     EXPECT_INT(c.from_ns, 700000000);
     EXPECT_INT(c.to_ns, 3200000000);
-    live_counting_apply(&c, offset_ns, seconds, &e);
+    EXPECT_STATUS(live_counting_apply(&c, offset_ns, seconds, &e), OK);
     EXPECT_TRUE(!memcmp(&e, &before, sizeof e));
 
     c.counts[GROUP_HEAD] = false;
     c.tolerance_deg[GROUP_TRUNK] = 20;
     c.from_ns = 0; // before the first frame in which a person is
     c.to_ns = 9000000000;
-    live_counting_apply(&c, offset_ns, seconds, &e);
+    EXPECT_STATUS(live_counting_apply(&c, offset_ns, seconds, &e), OK);
     EXPECT_INT(e.ignored, 1 << PART_LEFT_SHIN | 1 << PART_HEAD);
     EXPECT_NEAR(e.tolerance_rad[PART_UPPER_TORSO] * RAD, 20, 1e-9);
     EXPECT_NEAR(e.tolerance_rad[PART_RIGHT_FOREARM], 0.2, 1e-9);
     EXPECT_NEAR(e.from_s, 0, 1e-9);
     EXPECT_NEAR(e.to_s, seconds, 1e-9);
 
+    e.from_s = 1; // of another part too little is in the reference: this one stays
+    c = live_counting_of(&e, offset_ns);
+    c.counts[GROUP_TRUNK] = false;
+    c.from_ns = 0;
+    c.to_ns = offset_ns + 100000000;
+    EXPECT_STATUS(live_counting_apply(&c, offset_ns, seconds, &e), ERR_INPUT);
+    EXPECT_NEAR(e.from_s, 1, 1e-9);
+    EXPECT_NEAR(e.to_s, seconds, 1e-9);
+    EXPECT_TRUE(e.ignored >> PART_UPPER_TORSO & 1);
+
     c = live_counting_of(&e, offset_ns);
     c.tolerance_deg[GROUP_ARMS] = 0;
     c.from_ns = c.to_ns = 0;
-    live_counting_apply(&c, offset_ns, seconds, &e);
+    EXPECT_STATUS(live_counting_apply(&c, offset_ns, seconds, &e), OK);
     EXPECT_NEAR(e.tolerance_rad[PART_RIGHT_FOREARM], 0, 1e-9);
     EXPECT_NEAR(e.to_s, 0, 1e-9);
 }
