@@ -145,7 +145,10 @@ static bool open_posture(struct figure_motion *m, const char *name)
     kind[length] = 0;
     if (!posture_named(kind, &posture))
         return false;
-    m->posture = posture_motion_draw(posture, name[length] ? strtoull(name + length + 1, NULL, 10) : 1);
+    const char *seed = name[length] ? name + length + 1 : "1";
+    if (!*seed || strspn(seed, "0123456789") != strlen(seed))
+        return false;
+    m->posture = posture_motion_draw(posture, strtoull(seed, NULL, 10));
     return true;
 }
 

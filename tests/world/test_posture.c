@@ -2,6 +2,7 @@
 // same seed gives the same.
 #include "tests/support/test.h"
 
+#include "tests/world/motion.h"
 #include "tests/world/posture.h"
 
 #include <string.h>
@@ -37,6 +38,13 @@ static void test_names(void **state)
         EXPECT_INT(found, k);
     }
     EXPECT_TRUE(!posture_named("handstand", &found));
+    static const char *const refused[] = {"push-up:", "push-up:x", "push-up:-3", "push-up:1.5", ":1", "handstand:1"};
+    const struct physique physique = physique_named("man");
+    struct figure_motion *motion;
+    for (size_t i = 0; i < COUNT_OF(refused); i++)
+        EXPECT_STATUS(world_motion_open(&motion, refused[i], &physique, false), ERR_INPUT);
+    EXPECT_STATUS(world_motion_open(&motion, "push-up:7", &physique, false), OK);
+    world_motion_close(&motion);
 }
 
 // A joint is inside the body, 2 to 12 cm from the skin that rests.

@@ -159,7 +159,9 @@ void film_read_options(int argc, char **argv, struct film_options *out)
         {"figure", KEY_FIGURE, "NAME", 0, "woman (the default), man, child, heavy, skirt, coat, tall", 0},
         {"motion", KEY_MOTION, "NAME", 0,
          "pirouette (the default), kata, still, bend, walk, hide, visit, exercise, exercise-wrong (the same with known "
-         "mistakes), or the path of a .bvh file",
+         "mistakes); a posture as standing, sitting-on-floor, all-fours, push-up, lying-on-back, of a seed push-up:7; "
+         "or "
+         "the path of a .bvh file",
          0},
         {"seed", KEY_SEED, "N", 0, "Of posters, camera shake and noise; default 1", 0},
         {"threads", KEY_THREADS, "N", 0, "Default 1; the files do not depend on it", 0},
