@@ -40,7 +40,7 @@ static int compare_depths(const void *a, const void *b)
     return (int)*(const uint16_t *)a - (int)*(const uint16_t *)b;
 }
 
-// Of the person's readings, or of all where there is nobody; 0: none.
+// Of the person's readings, or of all where there is no person; 0: none.
 static double median_m(const struct training_crop *crop)
 {
     uint16_t readings[CROP_CELLS * CROP_CELLS];

@@ -13,6 +13,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 enum {
     KEY_COUNT = COMMAND_KEY,
@@ -174,6 +175,8 @@ static enum status make_sheet(const struct arguments *arguments, const struct tr
 
 static enum status make_file(const struct arguments *arguments, const struct training_people *people)
 {
+    if (!arguments->out && isatty(STDOUT_FILENO))
+        return fail(ERR_INPUT, "the images are no text: give --out FILE, or --sheet FILE to look at some");
     FILE *to = arguments->out ? fopen(arguments->out, "wbx") : stdout;
     if (!to)
         return fail(ERR_IO, "%s cannot be made, or is there already", arguments->out);

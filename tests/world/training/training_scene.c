@@ -302,9 +302,9 @@ void training_scene_draw(const struct training_people *people, uint64_t seed, in
     *out = (struct training_scene){.sensor = (enum training_sensor)rng_pick(&rng, TRAINING_SENSORS)};
     out->lens = draw_lens(out->sensor, &rng);
     out->noise_seed = rng.state;
-    const bool nobody = rng_uniform(&rng) < 0.08, second = rng_uniform(&rng) < 0.15;
+    const bool empty = rng_uniform(&rng) < 0.08, second = rng_uniform(&rng) < 0.15;
     struct vec3 middle = v3(0, 0, 0.8);
-    if (!nobody) {
+    if (!empty) {
         const struct stance stance = add_person(out, people, v3(0, 0, 0), &rng);
         middle = body_middle(&out->person[0].posed.joints);
         add_seat(out, &stance, &out->person[0]);
@@ -313,7 +313,7 @@ void training_scene_draw(const struct training_people *people, uint64_t seed, in
         add_things(out, &out->person[0], &rng);
     }
     aim(out, middle, &rng);
-    if (!nobody && second) {
+    if (!empty && second) {
         const double away_m = rng_between(&rng, 0.6, 1.6), bearing = rng_between(&rng, -PI, PI);
         (void)add_person(out, people, v3(away_m * cos(bearing), away_m * sin(bearing), 0), &rng);
     }

@@ -1,6 +1,6 @@
 // What one depth image shows by which a body model is trained: a person of any build in any posture, seen from
-// anywhere, in a room with furniture, things in the hands, other people, or nobody. Drawn from a seed: image `index` of
-// a seed is the same whatever was drawn before. Internal to tests/world.
+// anywhere, in a room with furniture, things in the hands, other people, or no person. Drawn from a seed: image `index`
+// of a seed is the same whatever was drawn before. Internal to tests/world.
 //
 // World axes as in world.h, the person near the origin. Chosen by hand, uniformly unless said otherwise: sensor 0.8 to
 // 5 m away and 0.3 to 2.6 m high, aimed at the body or past it, one in ten turned by a quarter; of the postures four in
@@ -64,7 +64,7 @@ struct training_scene {
         double heading_rad;    // 0: along -y
         int posture;           // enum posture; POSTURES: of a motion
     } person[TRAINING_PEOPLE]; // the first is the one that is looked for
-    int person_count;          // 0: nobody
+    int person_count;          // 0: no person is there
 };
 
 void training_scene_draw(const struct training_people *people, uint64_t seed, int index, struct training_scene *out);
