@@ -213,10 +213,9 @@ static void note_unknown_tilt(struct joint_samples *samples)
 {
     struct vec3 mean;
     if (!joint_samples_standing(samples, &mean) || v3_dot(mean, v3(0, -1, 0)) < portable_cos(MAX_TILT_RAD))
-        joint_note(
-            &samples->notes,
-            "how its sensor was tilted is not known: it has no place and no floor in sight, and nobody stands upright "
-            "for a second; it is taken as level, and where it was not, the score means little");
+        joint_note(&samples->notes, "how its sensor was tilted is not known: it has no place and no floor in sight, "
+                                    "and no person stands upright "
+                                    "for a second; it is taken as level, and where it was not, the score means little");
 }
 
 static void rotate_up(struct joint_samples *samples, struct vec3 up)

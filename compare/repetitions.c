@@ -685,7 +685,7 @@ static struct repetition_span common_span(struct repetition_span a, struct repet
     return (struct repetition_span){first, end > first ? end : first};
 }
 
-// Down to what counts; *x is aligned anew. NOTHING: this repetition shows none of it.
+// Cuts it to what counts and realigns it into *x. NOTHING: this repetition shows none of it.
 static enum status cut_performance(const struct side *a, const struct side *b, const struct performance_terms *judging,
                                    struct performance *performance, struct alignment *x)
 {

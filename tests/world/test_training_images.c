@@ -85,19 +85,19 @@ static void test_joints_are_in_the_body(void **state)
                   seen, deep, hidden);
     EXPECT_AT_LEAST(seen, 5 * IMAGES);
     EXPECT_AT_LEAST(hidden, IMAGES);
-    EXPECT_AT_MOST(deep, seen / 20); // noise reads beside an arm; 1 % seen
+    EXPECT_AT_MOST(deep, seen / 20); // noise reads beside an arm; 1.5 % seen
 }
 
 static void test_every_kind_occurs(void **state)
 {
     (void)state;
     enum { IMAGES = 900 };
-    int posture[POSTURES + 1] = {0}, sensor[TRAINING_SENSORS] = {0}, nobody = 0, two = 0, turned = 0;
+    int posture[POSTURES + 1] = {0}, sensor[TRAINING_SENSORS] = {0}, without = 0, two = 0, turned = 0;
     for (int i = 0; i < IMAGES; i++) {
         struct training_scene scene;
         training_scene_draw(&people, SEED, i, &scene);
         sensor[scene.sensor]++;
-        nobody += !scene.person_count;
+        without += !scene.person_count;
         two += scene.person_count > 1;
         if (scene.person_count)
             posture[scene.person[0].posture]++;
@@ -109,13 +109,13 @@ static void test_every_kind_occurs(void **state)
     EXPECT_INT(posture[POSTURES], 0); // there are no motions
     for (int k = 0; k < TRAINING_SENSORS; k++)
         EXPECT_AT_LEAST(sensor[k], IMAGES / 6);
-    EXPECT_TRUE(nobody > IMAGES / 25 && nobody < IMAGES / 6);
+    EXPECT_TRUE(without > IMAGES / 25 && without < IMAGES / 6);
     EXPECT_TRUE(two > IMAGES / 15 && two < IMAGES / 4);
     EXPECT_TRUE(turned > IMAGES / 20 && turned < IMAGES / 5);
 }
 
-// Nobody is in it: no part, no joint.
-static void test_nobody(void **state)
+// No person is in it: no part, no joint.
+static void test_no_person(void **state)
 {
     (void)state;
     int empty = 0;
@@ -140,14 +140,14 @@ static void test_crops_show_the_person(void **state)
 {
     (void)state;
     struct training_crop crop;
-    int made = 0, nobody = 0, seen = 0, inside = 0;
+    int made = 0, without = 0, seen = 0, inside = 0;
     for (int i = 0; i < 120; i++) {
         struct training_scene scene;
         render(i, &scene, image);
         if (!training_crop_make(&scene, image, &crop))
             continue;
         made++;
-        nobody += !crop.person;
+        without += !crop.person;
         for (int j = 0; j < JOINT_COUNT && crop.person; j++) {
             const float *p = crop.joint[j];
             const double u = ((double)(crop.fx * p[0] / p[2] + crop.cx) + 0.5 - (double)crop.left_px) /
@@ -165,10 +165,10 @@ static void test_crops_show_the_person(void **state)
         if (crop.person)
             EXPECT_NEAR(crop.middle_m, crop.joint[JOINT_WAIST][2], 0.6);
     }
-    print_message("%d crops, %d of nobody; %d of %d joints that are seen are in the body's cells\n", made, nobody,
-                  inside, seen);
+    print_message("%d crops, %d without a person; %d of %d joints that are seen are in the body's cells\n", made,
+                  without, inside, seen);
     EXPECT_AT_LEAST(made, 80);
-    EXPECT_AT_LEAST(nobody, 3);
+    EXPECT_AT_LEAST(without, 3);
     EXPECT_AT_LEAST(inside, seen * 9 / 10);
 }
 
@@ -197,7 +197,7 @@ int main(void)
         cmocka_unit_test(test_the_same_seed_gives_the_same),
         cmocka_unit_test(test_joints_are_in_the_body),
         cmocka_unit_test(test_every_kind_occurs),
-        cmocka_unit_test(test_nobody),
+        cmocka_unit_test(test_no_person),
         cmocka_unit_test(test_solids_are_where_they_are),
         cmocka_unit_test(test_crops_show_the_person),
     };
