@@ -119,12 +119,14 @@ static void draw_score(const struct brush *brush, const struct live_state *state
     const bool known = page->comparison && page->comparison->relation == RELATION_SAME && r;
     if (known)
         draw_arc(brush, m, SCORE_R - 8, r->score / 100, score_color(t, r->score));
+    const bool sure = !known || !(r->sigma >= 0.5); // else what the score may be off by has a line of its own
+    const double top = m.y - (sure ? 30 : 39);
     snprintf(text, sizeof text, known ? "%.0f" : "–", known ? r->score : 0);
-    label_centred(brush, FACE_TITLE, (struct ui_box){m.x - SCORE_R, m.y - 30, 2 * SCORE_R, 44}, t->text, text);
-    snprintf(text, sizeof text, "of 100");
-    if (known && r->sigma >= 0.5)
-        snprintf(text, sizeof text, "± %.0f of 100", r->sigma);
-    label_centred(brush, FACE_SMALL, (struct ui_box){m.x - SCORE_R, m.y + 14, 2 * SCORE_R, 22}, t->quiet, text);
+    label_centred(brush, FACE_TITLE, (struct ui_box){m.x - SCORE_R, top, 2 * SCORE_R, 44}, t->text, text);
+    label_centred(brush, FACE_SMALL, (struct ui_box){m.x - SCORE_R, top + 44, 2 * SCORE_R, 22}, t->quiet, "of 100");
+    snprintf(text, sizeof text, "± %.0f", known ? r->sigma : 0);
+    if (!sure)
+        label_centred(brush, FACE_SMALL, (struct ui_box){m.x - SCORE_R, top + 60, 2 * SCORE_R, 22}, t->quiet, text);
     cut_left(&in, 8);
     if (in.w > MIN_PROGRESS && !state->of_takes)
         draw_progress(brush, state, in);

@@ -394,7 +394,7 @@ static void show_summary(int count)
     l->phase = LIVE_SUMMARY;
     l->judged = l->finished = l->results_ever = l->result_count = 3;
     for (int i = 0; i < 3; i++)
-        l->results[i] = (struct live_result){.score = 60.0 + 7 * i, .compared = true};
+        l->results[i] = (struct live_result){.score = 60.0 + 7 * i, .sigma = 14, .compared = true};
     l->review_length_ns = 8000000000;
     comparison.finding_count = count;
     live_page.comparison = &comparison;
