@@ -11,7 +11,7 @@ struct training_crop {
     float joint[JOINT_COUNT][4];             // camera axes, metres, and confidence as training_image's
     float left_px, top_px, cell_px; // cell (i, j)'s middle: pixel left_px + cell_px * (i + 0.5) - 0.5, and so on
     float fx, fy, cx, cy;
-    float middle_m; // median of the person's readings: what counts as depth 0; without a person, of what is there
+    float middle_m; // what counts as depth 0: the median of the person's readings; without a person, their lower third
     float facing_rad, cut, hidden;
     uint8_t person, sensor, posture, unused;
 };
@@ -20,7 +20,7 @@ struct training_crop {
 static_assert(sizeof(struct training_crop) == 3 * CROP_CELLS * CROP_CELLS + 4 * (4 * JOINT_COUNT + 11) + 4, "a record");
 
 // About what is seen of the person, 1.04 to 1.3 times as large and up to 6 % aside; without a person about any place,
-// as large as a person would be there. False: too little of the person is seen to be learnt from, but it is in the
-// picture; or nothing was read there.
+// as large as a person would be there. Some squares are about furniture, beside a person or not. False: too little of
+// the person is seen to be learnt from, but it is in the picture; or nothing was read there.
 bool training_crop_make(const struct training_scene *scene, const struct training_image *image,
                         struct training_crop *out);
