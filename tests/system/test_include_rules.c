@@ -29,7 +29,7 @@ static const struct rule rules[] = {
     {"objects/",
      {"recording/", "platform/network/", "platform/vision/", "platform/sensors/", "platform/files/", "base/"}},
     {"capture/segmentation/", {"recording/", "base/"}},
-    {"capture/body/", {"capture/segmentation/", "recording/", "base/"}},
+    {"capture/body/", {"capture/segmentation/", "neural/", "recording/", "base/"}},
     {"capture/tracking/", {"capture/body/", "capture/segmentation/", "base/"}},
     {"capture/mapping/",
      {"locate/", "recording/", "platform/vision/", "platform/sensors/", "platform/files/", "base/"}},
