@@ -266,14 +266,6 @@ struct trial {
     double stature_m; // median; 0: none
 };
 
-// In an image that is the right way up, a person who stands: another way up they would be one who lies.
-static bool is_upright(const struct skeleton *skeleton)
-{
-    const struct vec3 hips = v3_mix(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP], 0.5),
-                      spine = v3_sub(skeleton->joint[JOINT_NECK], hips);
-    return -spine.y > 0.7 * v3_length(spine);
-}
-
 // min_share: where the person is surely in fewer of the frames, the rest is not looked at, and `share` is too small.
 static enum status try_hypothesis(const struct depth_film *film, const struct hypothesis *hypothesis, double median_raw,
                                   double min_share, struct trial *out)
@@ -291,7 +283,7 @@ static enum status try_hypothesis(const struct depth_film *film, const struct hy
         struct skeleton s;
         undo_picture(film, i, hypothesis, median_raw, depth);
         status = tracker_next(tracker, film->time_ns[i], depth, &s, NULL);
-        const bool there = status == OK && (!hypothesis->quarter_turns || is_upright(&s));
+        const bool there = status == OK;
         status = status == NOTHING ? OK : status;
         if (i < film->count / 2)
             continue;

@@ -85,7 +85,7 @@ static enum status add_row(struct dice_trial *t, const char *name, enum dice_mod
     if (!m.films)
         return OK;
     char label[64];
-    static const char *const suffix[DICE_MODES] = {", online", "", ", one image", ", c. online", ", colour"};
+    static const char *const suffix[DICE_MODES] = {", online", "", ", c. online", ", colour"};
     snprintf(label, sizeof label, "%.28s%s", name, suffix[mode]);
     const double value[COUNT_OF(columns)] = {
         m.films,

@@ -267,7 +267,7 @@ static void test_late_points_are_used_and_old_ones_are_not(void **state)
     print_message("after %d frames %.2f mm from depth alone, %.2f with late points\n", FRAMES, 1000 * depth_m,
                   1000 * late_m);
     EXPECT_TRUE(late_m != depth_m);
-    EXPECT_AT_MOST(late_m, depth_m + 0.006); // 38.6 and 42.8 mm
+    EXPECT_AT_MOST(late_m, depth_m + 0.003);
     EXPECT_NEAR(old_m, depth_m, 0);
 }
 

@@ -126,8 +126,8 @@ static void test_entering_person_is_tracked_not_furniture(void **state)
         print_message("%s, seed %llu: at worst %.2f m off, in the end %.3f m, %d frames withdrawn\n",
                       visitors[i].motion, (unsigned long long)visitors[i].seed, o.furthest_m, o.last_distance_m,
                       o.withdrawn);
-        EXPECT_AT_MOST(o.last_distance_m, 0.07); // 18 and 58 mm
-        if (o.furthest_m > 0.5) {                // furniture was followed at first
+        EXPECT_AT_MOST(o.last_distance_m, 0.05);
+        if (o.furthest_m > 0.5) { // furniture was followed at first
             mistaken++;
             EXPECT_AT_LEAST(o.withdrawn, 20);
         }
