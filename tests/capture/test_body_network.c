@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SEED = 80, FIGURE_SEED = 800, FIGURES = 6, IMAGES = SANITIZED ? 40 : 160 };
+enum { SEED = 80, FIGURE_SEED = 800, FIGURES = 6, IMAGES = SANITIZED ? 40 : 160, ROOMS = 480 };
 
 static struct training_people people;
 static struct training_renderer *renderer;
@@ -118,13 +118,13 @@ static void test_people_are_found(void **state)
     EXPECT_AT_LEAST(wrong.turned * 20, 19 * wrong.frames);
 }
 
-// A table alone and a bare floor are no person; whoever is there is one.
+// False detections in rooms without a person, and people who are missed.
 static void test_rooms_without_a_person(void **state)
 {
     (void)state;
     static uint8_t mask[TRAINING_PIXELS];
     int empty = 0, taken = 0, there = 0, missed = 0;
-    for (int i = 0; i < 3 * IMAGES; i++) {
+    for (int i = 0; i < ROOMS; i++) {
         struct training_scene scene;
         struct found_body found;
         training_scene_draw(&people, SEED, i, &scene);
@@ -146,6 +146,32 @@ static void test_rooms_without_a_person(void **state)
     EXPECT_AT_LEAST(empty, IMAGES / 10);
     EXPECT_AT_MOST(taken * 6, empty); // 5 of 45
     EXPECT_AT_MOST(missed * 20, there);
+}
+
+// The network runs on squares that are sampled as those that it was trained on.
+static void test_square_is_sampled_as_in_training(void **state)
+{
+    (void)state;
+    static struct training_crop crop;
+    static_assert((int)CROP_CELLS == (int)BODY_NETWORK_CELLS, "one square");
+    int crops = 0;
+    for (int i = 0; i < 12; i++) {
+        struct training_scene scene;
+        training_scene_draw(&people, SEED, i, &scene);
+        EXPECT_STATUS(training_image_render(renderer, &scene, image), OK);
+        if (!training_crop_make(&scene, image, &crop))
+            continue;
+        const struct body_square square = {(double)crop.left_px - 0.5, (double)crop.top_px - 0.5,
+                                           CROP_CELLS * (double)crop.cell_px, (double)crop.middle_m};
+        int different = 0, pixel;
+        for (int cell = 0; cell < CROP_CELLS * CROP_CELLS; cell++) {
+            const bool inside = body_square_pixel(&square, &scene.lens, cell % CROP_CELLS, cell / CROP_CELLS, &pixel);
+            different += crop.depth[cell] != (inside ? image->depth[pixel] : 0);
+        }
+        EXPECT_AT_MOST(different, CROP_CELLS); // where rounding decides between two pixels
+        crops++;
+    }
+    EXPECT_AT_LEAST(crops, 6);
 }
 
 // Nothing of the person, one pixel, a square beyond the image: an answer that is finite.
@@ -206,6 +232,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_people_are_found),
         cmocka_unit_test(test_rooms_without_a_person),
+        cmocka_unit_test(test_square_is_sampled_as_in_training),
         cmocka_unit_test(test_hardly_anything_is_seen),
         cmocka_unit_test(test_same_bits),
     };
