@@ -7,12 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define DEPTH_RANGE 0.7  // as tools/train_body has it
-#define SIGMA       0.03 // of a joint that is all in its peak, in widths of the square; see sigma_m
-#define SIGMA_M     0.05 // and of any joint: people's joints are not where the figures have them
-#define NOWHERE     0.3  // a joint with less in its peak was not found
-#define EDGE        0.04 // of the square's side: nearer to the image's edge nothing is found
-#define MARGIN      1.17 // of the square about the bounds: the mean in training
+#define DEPTH_RANGE 0.7 // as tools/train_body has it
+// Chosen by hand but where it says as what.
+#define SIGMA   0.03 // of a joint that is all in its peak, in widths of the square; see sigma_m
+#define SIGMA_M 0.05 // and of any joint: people's joints are not where the figures have them
+#define NOWHERE 0.3  // a joint with less in its peak was not found
+#define EDGE    0.04 // of the square's side: nearer to the image's edge nothing is found
+#define MARGIN  1.17 // of the square about the bounds: the mean in training
 enum {
     CELLS = BODY_NETWORK_CELLS,
     MAP = BODY_NETWORK_MAP,
@@ -197,6 +198,7 @@ void body_network_find(struct body_network *network, const struct lens *lens, co
                        const uint8_t *mask, const struct body_square *square, struct vec3 hint, struct found_body *out)
 {
     size_t count;
+    assert(square->side > 0 && square->middle_m > 0);
     fill_input(square, lens, depth, mask, hint, network_input(network->network, &count));
     network_run(network->network);
     const float *maps = network_output(network->network, 0, &count);
