@@ -4,6 +4,7 @@
 #include "base/portable_math.h"
 #include "base/text.h"
 #include "formats/joints_csv.h"
+#include "formats/markers.h"
 #include "formats/ply.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
@@ -203,6 +204,18 @@ enum status export_place_ply(const struct place *place, FILE *out)
     return status;
 }
 
+// ---------------------------------------------------------------- y up
+
+// The skeleton with y up, in the world where the sensor was located, else in the camera's axes.
+static struct skeleton y_up_skeleton(const struct take_entry *entry)
+{
+    static const struct pose y_up_from_z_up = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
+    static const struct pose y_up_from_camera = {{1, 0, 0, 0}, {0, 0, 0}};
+    struct pose from_camera =
+        entry->located ? pose_multiply(y_up_from_z_up, entry->world_from_camera) : y_up_from_camera;
+    return skeleton_transform(from_camera, &entry->skeleton);
+}
+
 // ---------------------------------------------------------------- export bvh
 
 // BVH, the motion format of animation programs: a hierarchy of bones with offsets and, for each frame, the root's
@@ -233,16 +246,6 @@ static const struct vec3 bind_direction[BONES] = {
     {0, 0, 0},  {0, 1, 0},  {0, 1, 0},      {0, 1, 0},  {1, 0, 0},  {1, 0, 0},       {1, 0, 0},  {-1, 0, 0},
     {-1, 0, 0}, {-1, 0, 0}, {0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0}, {-0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0},
 };
-
-// The skeleton with y up, in the world where the sensor was located, else in the camera's axes.
-static struct skeleton y_up_skeleton(const struct take_entry *entry)
-{
-    static const struct pose y_up_from_z_up = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
-    static const struct pose y_up_from_camera = {{1, 0, 0, 0}, {0, 0, 0}};
-    struct pose from_camera =
-        entry->located ? pose_multiply(y_up_from_z_up, entry->world_from_camera) : y_up_from_camera;
-    return skeleton_transform(from_camera, &entry->skeleton);
-}
 
 static bool is_bone_usable(const struct skeleton *skeleton, int bone)
 {
@@ -471,6 +474,47 @@ enum status export_bvh(const struct take *take, FILE *out)
         print_motion(out, &motion);
     }
     free(motion.frames);
+    return status;
+}
+
+// ---------------------------------------------------------------- export markers
+
+// The take's joints at a constant rate, in the same axes all along.
+static enum status read_markers(const struct take *take, struct markers *out)
+{
+    const int64_t frames = take_frame_count(take);
+    const bool in_world = take_is_located(take);
+    struct marker_sample *samples = malloc(sizeof *samples * (size_t)(frames ? frames : 1));
+    int64_t count = 0;
+    if (!samples)
+        return fail(ERR_MEMORY, "no memory to export the joints");
+    for (int64_t i = 0; i < frames; i++) {
+        const struct take_entry *entry = take_entry(take, i);
+        if (entry->has_skeleton && (entry->located || !in_world))
+            samples[count++] = (struct marker_sample){entry->time_ns, y_up_skeleton(entry)};
+    }
+    const enum status status = markers_make(out, samples, count);
+    free(samples);
+    return status;
+}
+
+enum status export_trc(const struct take *take, const char *name, FILE *out)
+{
+    struct markers markers;
+    const enum status status = read_markers(take, &markers);
+    if (status == OK)
+        trc_print(&markers, name, out);
+    markers_free(&markers);
+    return status;
+}
+
+enum status export_c3d(const struct take *take, FILE *out)
+{
+    struct markers markers;
+    const enum status status = read_markers(take, &markers);
+    if (status == OK)
+        c3d_print(&markers, out);
+    markers_free(&markers);
     return status;
 }
 

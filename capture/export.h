@@ -1,5 +1,6 @@
 // Export of a take, and of a place, for other programs: joints as CSV, motion as BVH (Biovision hierarchy), points as
-// PLY (Stanford polygon format, binary, little-endian, metres), the sensor's film as MP4, everything as a TUM folder.
+// points at a constant rate as TRC and C3D, PLY (Stanford polygon format, binary, little-endian, metres), the sensor's
+// film as MP4, everything as a TUM folder.
 //
 // What goes to one file is written to `out`, an open stream; the caller opens and closes it (platform/files/output.h)
 // and finds what could not be written in ferror. ERR_IO, ERR_CORRUPT: the take cannot be read. ERR_MEMORY.
@@ -47,6 +48,11 @@ MUST_CHECK enum status export_joints_csv(const struct take *take, enum export_ax
 // six: a position that replaces the OFFSET, as Blender reads it, so that every known joint is where the CSV has it.
 // ERR_INPUT: no person was tracked.
 MUST_CHECK enum status export_bvh(const struct take *take, FILE *out);
+
+// Joints at a constant rate, y up, in the world's axes where the sensor was located, else in the camera's: TRC in
+// metres, C3D in millimetres (formats/markers.h). name: in TRC's first line. ERR_INPUT: no person was tracked.
+MUST_CHECK enum status export_trc(const struct take *take, const char *name, FILE *out);
+MUST_CHECK enum status export_c3d(const struct take *take, FILE *out);
 
 // A frame's depth samples as coloured points, in the world's axes where the sensor was located, else in the camera's.
 // actor: only those of the actor's mask. NOTHING: the frame has no such samples.

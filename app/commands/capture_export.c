@@ -11,7 +11,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum export_format { EXPORT_CSV, EXPORT_BVH, EXPORT_GLB, EXPORT_PLY, EXPORT_MP4, EXPORT_FOLDER };
+enum export_format {
+    EXPORT_CSV,
+    EXPORT_BVH,
+    EXPORT_TRC,
+    EXPORT_C3D,
+    EXPORT_GLB,
+    EXPORT_PLY,
+    EXPORT_MP4,
+    EXPORT_FOLDER
+};
 enum export_ply { PLY_POINTS, PLY_ACTOR, PLY_MESH, PLY_PLACE };
 
 struct export_arguments {
@@ -96,18 +105,18 @@ static enum status export_actor(const struct export_arguments *given, struct tak
 enum { KEY_TAKE = COMMAND_KEY, KEY_AS, KEY_OUT, KEY_AXES, KEY_WHAT, KEY_AT, KEY_HTML, KEY_FORCE };
 
 static const char *const format_names[] = {
-    [EXPORT_CSV] = "joints-csv", [EXPORT_BVH] = "bvh", [EXPORT_GLB] = "glb",
-    [EXPORT_PLY] = "ply",        [EXPORT_MP4] = "mp4", [EXPORT_FOLDER] = "folder"};
+    [EXPORT_CSV] = "joints-csv", [EXPORT_BVH] = "bvh", [EXPORT_TRC] = "trc", [EXPORT_C3D] = "c3d",
+    [EXPORT_GLB] = "glb",        [EXPORT_PLY] = "ply", [EXPORT_MP4] = "mp4", [EXPORT_FOLDER] = "folder"};
 static const char *const axes_names[] = {[EXPORT_SENSOR] = "sensor", [EXPORT_ROOM] = "room"};
 static const char *const what_names[] = {
     [PLY_POINTS] = "points", [PLY_ACTOR] = "actor", [PLY_MESH] = "mesh", [PLY_PLACE] = "place"};
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the take; not for the place", 0},
-    {"as", KEY_AS, "joints-csv|bvh|glb|ply|mp4|folder", 0,
-     "joints-csv (time, joint, position, confidence, standard deviation per axis), bvh (motion), glb (the actor, "
-     "animated "
-     "and textured), ply (points or a mesh), mp4 (the sensor's film) or folder (TUM RGB-D)",
+    {"as", KEY_AS, "joints-csv|bvh|trc|c3d|glb|ply|mp4|folder", 0,
+     "joints-csv (time, joint, position, confidence, standard deviation per axis), bvh (motion), trc, c3d "
+     "(joints at a constant rate, for OpenSim and biomechanics), glb (the actor, animated and textured), ply (points "
+     "or a mesh), mp4 (the sensor's film) or folder (TUM RGB-D)",
      0},
     {"out", KEY_OUT, "PATH", 0, "the file, or folder, to write; - is standard output", 0},
     {"axes", KEY_AXES, "sensor|room", 0, "of joints-csv: sensor (x right, y down, z forward; default) or room (z up)",
@@ -216,6 +225,8 @@ static enum status write_take(struct take *take, const struct export_arguments *
     switch ((enum export_format)given->format) {
     case EXPORT_CSV: return export_joints_csv(take, given->axes, file);
     case EXPORT_BVH: return export_bvh(take, file);
+    case EXPORT_TRC: return export_trc(take, given->out, file);
+    case EXPORT_C3D: return export_c3d(take, file);
     case EXPORT_GLB: return export_actor(given, take, frame, file, watch);
     case EXPORT_PLY:
         return given->what == PLY_MESH ? export_actor(given, take, frame, file, watch)

@@ -1,4 +1,5 @@
-// Exports for other programs: CSV, BVH, PLY, folder and film, read back by code that shares nothing with the writers.
+// Exports for other programs: CSV, BVH, TRC, C3D, PLY, folder and film, read back by code that shares nothing with the
+// writers.
 #include "tests/support/test.h"
 
 #include "capture/export.h"
@@ -236,6 +237,168 @@ static void test_bvh_needs_a_person(void **state)
     FILE *out = begin(&w);
     EXPECT_STATUS(export_bvh(t.take, out), ERR_INPUT);
     EXPECT_SAYS("no person");
+    fclose(out);
+    free(w.text);
+    timed_take_close(&t);
+}
+
+// ---------------------------------------------------------------- markers
+
+enum { MARKER_TIMES = 5 };
+// 10 Hz with a step that is late, and half a second without a frame.
+static const int64_t marker_times_ns[MARKER_TIMES] = {0, 100000000, 210000000, 300000000, 800000000};
+
+// The take's hand at a time, y up, where it is known.
+static struct vec3 hand_at(double at_s)
+{
+    for (int i = 0; i + 1 < MARKER_TIMES; i++) {
+        const double from_s = 1e-9 * (double)marker_times_ns[i], to_s = 1e-9 * (double)marker_times_ns[i + 1];
+        if (at_s >= from_s - 1e-6 && at_s <= to_s + 1e-6) {
+            const struct vec3 p = v3_mix(truth(i).joint[JOINT_LEFT_HAND], truth(i + 1).joint[JOINT_LEFT_HAND],
+                                         (at_s - from_s) / (to_s - from_s));
+            return v3(p.x, -p.y, -p.z);
+        }
+    }
+    return v3(0, 0, 0);
+}
+
+// The cells of a line, tab-separated; what lies between two tabs may be empty. Returns how many.
+static int cells_of(char *line, char **cell, int max)
+{
+    int count = 0;
+    line[strcspn(line, "\n")] = 0;
+    for (char *next = line; next && count < max;)
+        cell[count++] = strsep(&next, "\t");
+    return count;
+}
+
+static void test_trc_matches_take(void **state)
+{
+    (void)state;
+    enum { CELLS = 2 + 3 * JOINT_COUNT, HEADER = 6, ROWS = 9 };
+    struct timed_take t = timed_take_open(&(struct timed_frames){marker_times_ns, MARKER_TIMES, MARKER_TIMES, true});
+    struct written w;
+    char *cell[CELLS + 2], *next;
+    FILE *out = begin(&w);
+    EXPECT_STATUS(export_trc(t.take, "turn.trc", out), OK);
+    fclose(out);
+    next = w.text;
+    for (int row = 0; row < HEADER + ROWS; row++) {
+        char *line = strsep(&next, "\n");
+        assert_non_null(line);
+        const int count = cells_of(line, cell, CELLS + 2);
+        if (row == 2) {
+            EXPECT_NEAR(strtod(cell[0], NULL), 10, 1e-9);
+            EXPECT_INT(strtol(cell[2], NULL, 10), ROWS);
+            EXPECT_INT(strtol(cell[3], NULL, 10), JOINT_COUNT);
+            EXPECT_TRUE(!strcmp(cell[4], "m"));
+        }
+        if (row < HEADER)
+            continue;
+        const double at_s = 0.1 * (row - HEADER);
+        const bool gap = at_s > 0.35 && at_s < 0.75;
+        EXPECT_INT(count, CELLS);
+        EXPECT_INT(strtol(cell[0], NULL, 10), row - HEADER + 1);
+        EXPECT_NEAR(strtod(cell[1], NULL), at_s, 1e-6);
+        char **hand = cell + 2 + 3 * JOINT_LEFT_HAND;
+        EXPECT_INT(!*hand[0], gap);
+        if (!gap)
+            EXPECT_AT_MOST(
+                v3_distance(v3(strtod(hand[0], NULL), strtod(hand[1], NULL), strtod(hand[2], NULL)), hand_at(at_s)),
+                2e-5);
+    }
+    EXPECT_TRUE(next && !*next); // nothing after the last row
+    free(w.text);
+    timed_take_close(&t);
+}
+
+// As the user guide describes the file, read by nothing of the writer's.
+struct c3d_file {
+    const uint8_t *at;
+    size_t count;
+};
+
+static int word_at(const struct c3d_file *file, size_t byte)
+{
+    EXPECT_TRUE(byte + 2 <= file->count);
+    return file->at[byte] | file->at[byte + 1] << 8;
+}
+
+static float float_at(const struct c3d_file *file, size_t byte)
+{
+    float value;
+    EXPECT_TRUE(byte + 4 <= file->count);
+    memcpy(&value, file->at + byte, sizeof value);
+    return value;
+}
+
+// Where the data of a parameter begin: after its name, offset, type and dimensions. 0: there is none of that name.
+static size_t c3d_parameter(const struct c3d_file *file, int group, const char *name)
+{
+    size_t at = 512 + 4;
+    for (;;) {
+        const int length = (int8_t)file->at[at], of = (int8_t)file->at[at + 1];
+        const size_t next = at + 2 + (size_t)length;
+        if (!length)
+            return 0;
+        EXPECT_TRUE(next + 4 < file->count);
+        if (of == group && (size_t)length == strlen(name) && !memcmp(file->at + at + 2, name, (size_t)length))
+            return next + 4 + file->at[next + 3];
+        at = next + (size_t)word_at(file, next);
+    }
+}
+
+static void test_c3d_matches_take(void **state)
+{
+    (void)state;
+    enum { ROWS = 9 };
+    struct timed_take t = timed_take_open(&(struct timed_frames){marker_times_ns, MARKER_TIMES, MARKER_TIMES, true});
+    struct written w;
+    FILE *out = begin(&w);
+    EXPECT_STATUS(export_c3d(t.take, out), OK);
+    fclose(out);
+    const struct c3d_file file = {(const uint8_t *)w.text, w.count};
+    const size_t data = 512 * (size_t)(word_at(&file, 16) - 1), labels = c3d_parameter(&file, 1, "LABELS");
+    EXPECT_INT(file.at[0], 2);
+    EXPECT_INT(file.at[1], 0x50);
+    EXPECT_INT(word_at(&file, 2), JOINT_COUNT);
+    EXPECT_INT(word_at(&file, 6), 1);
+    EXPECT_INT(word_at(&file, 8), ROWS);
+    EXPECT_NEAR(float_at(&file, 20), 10, 1e-6);
+    EXPECT_TRUE(float_at(&file, 12) < 0); // floating-point numbers
+    EXPECT_INT(file.at[515], 84);
+    EXPECT_INT(512 + 512 * file.at[514], data);
+    EXPECT_INT(word_at(&file, c3d_parameter(&file, 1, "USED")), JOINT_COUNT);
+    EXPECT_INT(word_at(&file, c3d_parameter(&file, 1, "FRAMES")), ROWS);
+    EXPECT_INT(word_at(&file, c3d_parameter(&file, 1, "DATA_START")), word_at(&file, 16));
+    EXPECT_INT(word_at(&file, c3d_parameter(&file, 4, "ACTUAL_END_FIELD")), ROWS);
+    EXPECT_TRUE(!memcmp(file.at + c3d_parameter(&file, 1, "UNITS"), "mm", 2));
+    EXPECT_TRUE(!memcmp(file.at + labels + 16 * JOINT_LEFT_HAND, "left_hand       ", 16));
+    EXPECT_INT(c3d_parameter(&file, 2, "LABELS"), 0);
+    EXPECT_INT(file.count, data + 16 * JOINT_COUNT * ROWS);
+    for (int row = 0; row < ROWS; row++) {
+        const size_t hand = data + 16 * (size_t)(JOINT_COUNT * row + JOINT_LEFT_HAND);
+        const bool gap = row > 3 && row < 8;
+        EXPECT_NEAR(float_at(&file, hand + 12), gap ? -1 : 0, 0);
+        if (!gap)
+            EXPECT_AT_MOST(v3_distance(v3((double)float_at(&file, hand), (double)float_at(&file, hand + 4),
+                                          (double)float_at(&file, hand + 8)),
+                                       v3_scale(hand_at(0.1 * row), 1000)),
+                           0.01);
+    }
+    free(w.text);
+    timed_take_close(&t);
+}
+
+static void test_markers_need_a_person(void **state)
+{
+    (void)state;
+    struct timed_take t = timed_take_open(&(struct timed_frames){(const int64_t[]){0, 100}, 2, 2, false});
+    struct written w;
+    FILE *out = begin(&w);
+    EXPECT_STATUS(export_trc(t.take, "none.trc", out), ERR_INPUT);
+    EXPECT_SAYS("no person");
+    EXPECT_STATUS(export_c3d(t.take, out), ERR_INPUT);
     fclose(out);
     free(w.text);
     timed_take_close(&t);
@@ -585,8 +748,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_csv_has_every_joint),      cmocka_unit_test(test_bvh_matches_take),
         cmocka_unit_test(test_bvh_keeps_time_over_gaps), cmocka_unit_test(test_bvh_has_the_same_axes_all_along),
-        cmocka_unit_test(test_bvh_needs_a_person),       cmocka_unit_test(test_room_axes_need_a_room),
-        cmocka_unit_test(test_times_before_zero),        cmocka_unit_test(test_images_come_back),
+        cmocka_unit_test(test_trc_matches_take),         cmocka_unit_test(test_c3d_matches_take),
+        cmocka_unit_test(test_markers_need_a_person),    cmocka_unit_test(test_bvh_needs_a_person),
+        cmocka_unit_test(test_room_axes_need_a_room),    cmocka_unit_test(test_times_before_zero),
+        cmocka_unit_test(test_images_come_back),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
