@@ -1,7 +1,9 @@
 // Training images: the truth belongs to the picture, every kind occurs, and the same seed gives the same bytes.
 #include "tests/support/test.h"
 
+#include "tests/support/scratch.h"
 #include "tests/world/training/training_crop.h"
+#include "tests/world/training/training_figure.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -191,6 +193,108 @@ static void test_solids_are_where_they_are(void **state)
     EXPECT_NEAR(image->depth[110 * 160 + 20], 1000 * 131 / 50.5, 60); // the floor, 1 m below
 }
 
+// ---------------------------------------------------------------- figures of another program
+
+struct bytes {
+    uint8_t *at;
+    size_t count;
+};
+
+static void append(struct bytes *bytes, const void *from, size_t count)
+{
+    memcpy(bytes->at + bytes->count, from, count);
+    bytes->count += count;
+}
+
+static void append_point(struct bytes *bytes, struct vec3 p) { append(bytes, &(double[3]){p.x, p.y, p.z}, 24); }
+
+// As training_figure.h has it. Free with free.
+static struct bytes figure_file(const struct figure *figure)
+{
+    const struct physique *physique = &figure->physique;
+    const int32_t counts[2] = {figure->mesh.vertex_count, figure->mesh.triangle_count};
+    struct bytes file = {malloc(1000 + 60 * (size_t)counts[0] + 12 * (size_t)counts[1]), 0};
+    assert_non_null(file.at);
+    append(&file, "RFG1", 4);
+    append(&file, counts, sizeof counts);
+    append(&file, &(double[3]){physique->figure.height_m, physique->figure.woman, physique->girth}, 24);
+    for (int j = 0; j < JOINT_COUNT; j++)
+        append_point(&file, physique->bind_joint[j]);
+    append_point(&file, physique->wrist[LEFT]);
+    append_point(&file, physique->wrist[RIGHT]);
+    append_point(&file, physique->skull);
+    append_point(&file, physique->arm);
+    append(&file, figure->joint_radius, sizeof figure->joint_radius);
+    append(&file, figure->mesh.at, (size_t)counts[0] * sizeof *figure->mesh.at);
+    append(&file, figure->mesh.normal, (size_t)counts[0] * sizeof *figure->mesh.normal);
+    for (int32_t i = 0; i < counts[0]; i++)
+        append(&file, figure->bindings[i].weight, sizeof figure->bindings[i].weight);
+    for (int32_t i = 0; i < counts[0]; i++)
+        append(&file, figure->bindings[i].bone, sizeof figure->bindings[i].bone);
+    append(&file, figure->mesh.triangles, (size_t)counts[1] * sizeof *figure->mesh.triangles);
+    return file;
+}
+
+// One of figure.h's own, written and read, is the same in any image.
+static void test_figure_is_read_as_it_is(void **state)
+{
+    (void)state;
+    struct scratch scratch = scratch_make();
+    struct figure *const own = &people.figures[0], other, kept = *own;
+    struct bytes file = figure_file(own);
+    scratch_write(&scratch, "a.figure", file.at, file.count);
+    EXPECT_STATUS(training_figure_read(&other, scratch_file(&scratch, "a.figure")), OK);
+    EXPECT_NEAR(other.physique.thigh_m, own->physique.thigh_m, 1e-9);
+    EXPECT_NEAR(other.physique.forearm_m, own->physique.forearm_m, 1e-9);
+    struct scene_sums {
+        uint64_t depth, part;
+    } sums[2] = {{0, 0}, {0, 0}};
+    for (int which = 0; which < 2; which++) {
+        *own = which ? other : kept;
+        for (int i = 0; i < 30; i++) {
+            struct training_scene scene;
+            render(i, &scene, image);
+            for (int k = 0; k < image->width * image->height; k++) {
+                sums[which].depth = sums[which].depth * 31 + image->depth[k];
+                sums[which].part = sums[which].part * 31 + image->part[k];
+            }
+        }
+    }
+    *own = kept;
+    EXPECT_TRUE(sums[0].depth == sums[1].depth && sums[0].part == sums[1].part);
+    figure_free(&other);
+    free(file.at);
+    scratch_remove(&scratch);
+}
+
+// Cut short anywhere, or with numbers that cannot be: a sentence.
+static void test_damaged_figures_are_refused(void **state)
+{
+    (void)state;
+    struct scratch scratch = scratch_make();
+    struct figure figure;
+    struct bytes file = figure_file(&people.figures[0]);
+    const size_t numbers = 12 + 8 * (3 + 3 * (JOINT_COUNT + 4) + JOINT_COUNT),
+                 bones = numbers + 36 * (size_t)people.figures[0].mesh.vertex_count;
+    for (size_t count = 0; count < file.count; count += 1 + file.count / 37) {
+        scratch_write(&scratch, "cut.figure", file.at, count);
+        EXPECT_STATUS(training_figure_read(&figure, scratch_file(&scratch, "cut.figure")), ERR_CORRUPT);
+    }
+    // The magic, the counts, the height, a joint, a weight, a bone, a triangle.
+    const size_t places[] = {
+        0, 7, 11, 19, 12 + 8 * 20 + 7, numbers + 2 * (bones - numbers) / 3 + 3, bones, file.count - 1};
+    for (size_t i = 0; i < COUNT_OF(places); i++) {
+        const uint8_t before = file.at[places[i]];
+        file.at[places[i]] = 0xff;
+        scratch_write(&scratch, "odd.figure", file.at, file.count);
+        EXPECT_STATUS(training_figure_read(&figure, scratch_file(&scratch, "odd.figure")), ERR_CORRUPT);
+        file.at[places[i]] = before;
+    }
+    EXPECT_STATUS(training_figure_read(&figure, scratch_file(&scratch, "none.figure")), ERR_MISSING);
+    free(file.at);
+    scratch_remove(&scratch);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -200,6 +304,8 @@ int main(void)
         cmocka_unit_test(test_no_person),
         cmocka_unit_test(test_solids_are_where_they_are),
         cmocka_unit_test(test_crops_show_the_person),
+        cmocka_unit_test(test_figure_is_read_as_it_is),
+        cmocka_unit_test(test_damaged_figures_are_refused),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

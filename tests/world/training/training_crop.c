@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define TOO_SMALL_SHARE 0.2  // of squares about a person: without up to a third of what is seen of the person
 #define FURNITURE_SHARE 0.12 // of squares where a person is: about furniture beside it
 
 struct square {
@@ -22,6 +23,12 @@ static struct square square_about_person(const struct training_image *image, str
                 y0 = y < y0 ? y : y0;
                 y1 = y > y1 ? y : y1;
             }
+    if (rng_uniform(rng) < TOO_SMALL_SHARE) {
+        int *const edges[4] = {&x0, &x1, &y0, &y1};
+        const int which = rng_pick(rng, 4), extent = which < 2 ? x1 - x0 : y1 - y0,
+                  lost = (int)(extent * rng_between(rng, 0, 0.35));
+        *edges[which] += which % 2 ? -lost : lost;
+    }
     const double side = fmax(x1 - x0, y1 - y0) + 1;
     struct square out = {.side = side * rng_between(rng, 1.04, 1.3)};
     out.x = 0.5 * (x0 + x1) + side * rng_between(rng, -0.06, 0.06);

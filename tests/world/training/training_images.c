@@ -21,6 +21,7 @@ enum {
     KEY_FIRST,
     KEY_FIGURES,
     KEY_FIGURE_SEED,
+    KEY_BODIES,
     KEY_MOTIONS,
     KEY_WITHOUT,
     KEY_OUT,
@@ -57,6 +58,7 @@ static error_t parse(int key, char *text, struct argp_state *state)
     case KEY_FIRST: a->first = (int)whole_number(state, text, "first", 0, 1e9); return 0;
     case KEY_FIGURES: a->people.figures = (int)whole_number(state, text, "figures", 1, 2000); return 0;
     case KEY_FIGURE_SEED: a->people.seed = whole_number(state, text, "figure-seed", 0, 1e15); return 0;
+    case KEY_BODIES: a->people.bodies = text; return 0;
     case KEY_MOTIONS: a->people.folder = text; return 0;
     case KEY_WITHOUT:
         if (a->without_count == WITHOUT_MOST)
@@ -194,6 +196,7 @@ int main(int argc, char **argv)
         {"seed", KEY_SEED, "S", 0, "Of the images (1)", 0},
         {"figures", KEY_FIGURES, "N", 0, "From how many people (24)", 0},
         {"figure-seed", KEY_FIGURE_SEED, "S", 0, "Of these people (1)", 0},
+        {"bodies", KEY_BODIES, "DIR", 0, "Two of three from this folder of tools/makehuman_figures instead", 0},
         {"motions", KEY_MOTIONS, "DIR", 0, "Also poses of this folder's BVH files", 0},
         {"without", KEY_WITHOUT, "NAME", 0, "But not of this file (repeatable)", 0},
         {"out", KEY_OUT, "FILE", 0, "Write to this new file; default standard output", 0},

@@ -1,9 +1,13 @@
 #include "tests/world/training/training_scene.h"
 
+#include "tests/world/training/training_figure.h"
+
 #include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#define OTHERS_SHARE 0.67 // of images that show a body of the folder of bodies
 
 static const double PI = 3.14159265358979323846;
 
@@ -18,21 +22,51 @@ static bool is_held_out(const char *path, const char *const *held_out)
     return false;
 }
 
-static enum status open_motions(struct training_people *people, const struct training_people_wish *wish)
+// Files of that ending, sorted by name; ERR_MISSING: none. Free with globfree.
+static enum status files_of(const char *folder, const char *ending, const char *kind, glob_t *out)
 {
     char pattern[4096];
+    snprintf(pattern, sizeof pattern, "%s/*.%s", folder, ending);
+    if (glob(pattern, 0, NULL, out) || !out->gl_pathc)
+        return fail(ERR_MISSING, "%s: no %s is there", folder, kind);
+    return OK;
+}
+
+static enum status open_motions(struct training_people *people, const struct training_people_wish *wish)
+{
     glob_t files;
     const struct physique *physique = &people->figures[0].physique;
-    snprintf(pattern, sizeof pattern, "%s/*.bvh", wish->folder);
-    if (glob(pattern, 0, NULL, &files) || !files.gl_pathc)
-        return fail(ERR_MISSING, "%s: no BVH file is there", wish->folder);
+    enum status status = files_of(wish->folder, "bvh", "BVH file", &files);
+    if (status != OK)
+        return status;
     people->motions = calloc(files.gl_pathc, sizeof(struct figure_motion *));
-    enum status status = people->motions ? OK : fail(ERR_MEMORY, "no memory for motions");
+    if (!people->motions)
+        status = fail(ERR_MEMORY, "no memory for motions");
     for (size_t i = 0; i < files.gl_pathc && status == OK; i++) {
         if (is_held_out(files.gl_pathv[i], wish->held_out))
             continue;
         status = world_motion_open(&people->motions[people->motion_count], files.gl_pathv[i], physique, true);
         people->motion_count += status == OK;
+    }
+    globfree(&files);
+    return status;
+}
+
+static enum status read_bodies(struct training_people *people, const char *folder)
+{
+    glob_t files;
+    enum status status = files_of(folder, "figure", "figure", &files);
+    if (status != OK)
+        return status;
+    const size_t count = (size_t)people->figure_count + files.gl_pathc;
+    struct figure *all = realloc(people->figures, count * sizeof *all);
+    if (all)
+        people->figures = all;
+    else
+        status = fail(ERR_MEMORY, "no memory for figures");
+    for (size_t i = 0; i < files.gl_pathc && status == OK; i++) {
+        status = training_figure_read(&people->figures[people->figure_count], files.gl_pathv[i]);
+        people->figure_count += status == OK;
     }
     globfree(&files);
     return status;
@@ -63,6 +97,9 @@ enum status training_people_open(struct training_people *out, const struct train
         status = figure_build(&out->figures[i], &physique, true);
         out->figure_count += status == OK;
     }
+    out->own_count = out->figure_count;
+    if (status == OK && wish->bodies)
+        status = read_bodies(out, wish->bodies);
     if (status == OK && wish->folder)
         status = open_motions(out, wish);
     if (status != OK)
@@ -111,6 +148,15 @@ static struct stance captured_stance(const struct training_people *people, const
     for (int side = 0; side < 2; side++)
         s.ankle[side] = v3_add(v3_scale(s.ankle[side], scale), off);
     return s;
+}
+
+// One of figure.h's own for every two others.
+static const struct figure *draw_body(const struct training_people *people, struct rng *rng)
+{
+    const int others = people->figure_count - people->own_count;
+    if (others && rng_uniform(rng) < OTHERS_SHARE)
+        return &people->figures[people->own_count + rng_pick(rng, others)];
+    return &people->figures[rng_pick(rng, people->own_count)];
 }
 
 static struct stance draw_stance(const struct training_people *people, const struct physique *physique, struct rng *rng,
@@ -288,7 +334,7 @@ static struct stance add_person(struct training_scene *scene, const struct train
                                 struct rng *rng)
 {
     struct training_person *person = &scene->person[scene->person_count++];
-    person->figure = &people->figures[rng_pick(rng, people->figure_count)];
+    person->figure = draw_body(people, rng);
     const struct stance stance = draw_stance(people, &person->figure->physique, rng, &person->posture);
     person->heading_rad = rng_between(rng, -PI, PI);
     const struct stance there = placed(&stance, person->heading_rad, at);

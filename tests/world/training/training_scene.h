@@ -20,8 +20,8 @@ enum training_sensor {
 
 // The people and motions that images are drawn from.
 struct training_people {
-    struct figure *figures;
-    int figure_count;
+    struct figure *figures; // figure.h's own first
+    int figure_count, own_count;
     struct figure_motion **motions;
     int motion_count;
 };
@@ -29,10 +29,11 @@ struct training_people {
 struct training_people_wish {
     uint64_t seed;               // of the figures
     int figures;                 // how many
+    const char *bodies;          // a folder of further figures (training_figure.h); NULL: none
     const char *folder;          // of BVH files; NULL: postures alone
     const char *const *held_out; // file names that are left out; NULL-terminated, or NULL
 };
-// ERR_MISSING: no BVH file there. ERR_INPUT, ERR_IO, ERR_MEMORY. *out is then zeroed.
+// ERR_MISSING: no BVH file or no figure there. ERR_INPUT, ERR_CORRUPT, ERR_IO, ERR_MEMORY. *out is then zeroed.
 MUST_CHECK enum status training_people_open(struct training_people *out, const struct training_people_wish *wish);
 void training_people_close(struct training_people *people); // zeroed is fine
 
