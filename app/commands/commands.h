@@ -14,6 +14,7 @@ int capture_tags(int argc, char **argv);
 int capture_studio(int argc, char **argv);
 int capture_take(int argc, char **argv);
 int capture_library(int argc, char **argv);
+int capture_angles(int argc, char **argv);
 int capture_calibrate(int argc, char **argv);
 int capture_models(int argc, char **argv);
 int capture_objects(int argc, char **argv);

@@ -15,6 +15,7 @@ int main(int argc, char **argv)
         {"take", "rename, delete, trim or copy a take, or keep a note on it", capture_take},
         {"library", "list the takes of all recordings in a folder", capture_library},
         {"export", "write a take's joints for other programs", capture_export},
+        {"angles", "say how far each joint goes in a take", capture_angles},
         {"calibrate", "a lens, colour to depth, a rolling shutter, two cameras", capture_calibrate},
         {"models", "networks that find body points in colour: whether they are there, and fetching them",
          capture_models},

@@ -85,8 +85,8 @@ static void record_into(const char *file)
 static void test_help_and_usage(void **state)
 {
     (void)state;
-    const char *const capture[] = {"devices", "map",  "record", "info",      "verify", "repair",  "export",
-                                   "library", "tags", "studio", "calibrate", "take",   "objects", "models"};
+    const char *const capture[] = {"devices", "map",    "record",    "info", "verify",  "repair", "export", "library",
+                                   "tags",    "studio", "calibrate", "take", "objects", "models", "angles"};
     for (size_t i = 0; i < COUNT_OF(capture); i++) {
         struct process_result said = PROCESS(CAPTURE, capture[i], "--help");
         if (said.exit_code || !strstr(said.out, "Usage"))
