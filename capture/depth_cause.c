@@ -266,6 +266,14 @@ struct trial {
     double stature_m; // median; 0: none
 };
 
+// In an image that is the right way up, a person who stands: another way up they would be one who lies.
+static bool is_upright(const struct skeleton *skeleton)
+{
+    const struct vec3 hips = v3_mix(skeleton->joint[JOINT_LEFT_HIP], skeleton->joint[JOINT_RIGHT_HIP], 0.5),
+                      spine = v3_sub(skeleton->joint[JOINT_NECK], hips);
+    return -spine.y > 0.7 * v3_length(spine);
+}
+
 // min_share: where the person is surely in fewer of the frames, the rest is not looked at, and `share` is too small.
 static enum status try_hypothesis(const struct depth_film *film, const struct hypothesis *hypothesis, double median_raw,
                                   double min_share, struct trial *out)
@@ -283,7 +291,7 @@ static enum status try_hypothesis(const struct depth_film *film, const struct hy
         struct skeleton s;
         undo_picture(film, i, hypothesis, median_raw, depth);
         status = tracker_next(tracker, film->time_ns[i], depth, &s, NULL);
-        const bool there = status == OK;
+        const bool there = status == OK && (!hypothesis->quarter_turns || is_upright(&s));
         status = status == NOTHING ? OK : status;
         if (i < film->count / 2)
             continue;
@@ -328,10 +336,43 @@ static int count_smooth_neighbours(const struct depth_film *film, const struct h
     return smooth;
 }
 
-// Exchanging the bytes of a right film makes noise of it, in which the tracker looks long for a person.
-static bool is_likely(const struct depth_film *film, const struct hypothesis *hypothesis)
+// A floor is seen in frames turned by so much, and how often.
+static int floors_seen(const struct depth_film *film, int quarter_turns, uint16_t *buffer)
+{
+    const struct hypothesis h = {CAUSE_NONE, 0, quarter_turns};
+    const struct lens lens = lens_turned(&film->lens, quarter_turns);
+    int seen = 0;
+    for (int i = 0; i < film->count; i += 5) {
+        struct floor_plane floor;
+        undo_picture(film, i, &h, 0, buffer);
+        seen += floor_plane_find(&lens, buffer, &floor);
+    }
+    return seen;
+}
+
+// A person's outline is one in any function of the depth. With fewer different readings than these in an image it is
+// none of a depth sensor's, in whatever unit.
+enum { LEVELS_MIN = 16 };
+
+static bool has_levels(const struct depth_film *film)
+{
+    uint8_t seen[65536 / 8] = {0};
+    const uint16_t *depth = film->depth[film->count / 2];
+    int levels = 0;
+    for (size_t i = 0; i < film_pixels(film) && levels < LEVELS_MIN; i++) {
+        levels += !(seen[depth[i] >> 3] >> (depth[i] & 7) & 1);
+        seen[depth[i] >> 3] |= (uint8_t)(1 << (depth[i] & 7));
+    }
+    return levels >= LEVELS_MIN;
+}
+
+// Exchanging the bytes of a right film makes noise of it, in which the tracker looks long for a person. In turned
+// pictures furniture may stand like a person; where a floor lies in them as they are, it lies no better in them turned.
+static bool is_likely(const struct depth_film *film, const struct hypothesis *hypothesis, uint16_t *buffer)
 {
     static const struct hypothesis as_it_is = {CAUSE_NONE, 0, 0};
+    if (hypothesis->quarter_turns)
+        return floors_seen(film, hypothesis->quarter_turns, buffer) >= floors_seen(film, 0, buffer);
     return hypothesis->cause != CAUSE_BYTES_SWAPPED ||
            count_smooth_neighbours(film, hypothesis) > count_smooth_neighbours(film, &as_it_is);
 }
@@ -340,10 +381,11 @@ static enum status try_all(const struct depth_film *film, const struct hypothesi
                            struct depth_finding *out)
 {
     double best = 0;
-    enum status status = OK;
+    uint16_t *buffer = malloc(film_pixels(film) * sizeof *buffer);
+    enum status status = buffer ? OK : fail(ERR_MEMORY, "no memory to judge a take");
     for (size_t i = 0; i < count && status == OK; i++) {
         struct trial t;
-        if (!is_room(&all[i], median_raw) || !is_likely(film, &all[i]))
+        if (!is_room(&all[i], median_raw) || !is_likely(film, &all[i], buffer))
             continue;
         status = try_hypothesis(film, &all[i], median_raw, HOLDS_SHARE, &t);
         const double unusual = t.stature_m > 0 ? fabs(t.stature_m - 1.65) : 9, worth = t.share - 0.3 * unusual;
@@ -353,6 +395,7 @@ static enum status try_all(const struct depth_film *film, const struct hypothesi
         out->cause = all[i].cause;
         out->factor = all[i].cause == CAUSE_UNIT ? all[i].factor : 0;
     }
+    free(buffer);
     return status;
 }
 
@@ -377,20 +420,6 @@ static struct scene_numbers scene_of(const struct depth_film *film)
         at++;
     const double looked = (double)pixels * film->count;
     return (struct scene_numbers){looked > 0 ? all / looked : 0, at};
-}
-
-// A floor is seen in frames turned by so much, and how often.
-static int floors_seen(const struct depth_film *film, int quarter_turns, uint16_t *buffer)
-{
-    const struct hypothesis h = {CAUSE_NONE, 0, quarter_turns};
-    const struct lens lens = lens_turned(&film->lens, quarter_turns);
-    int seen = 0;
-    for (int i = 0; i < film->count; i += 5) {
-        struct floor_plane floor;
-        undo_picture(film, i, &h, 0, buffer);
-        seen += floor_plane_find(&lens, buffer, &floor);
-    }
-    return seen;
 }
 
 // Most of the picture is one plane across the line of sight, as a floor is from above: RANSAC over its points.
@@ -506,7 +535,7 @@ enum status depth_cause_find(struct take *take, struct depth_finding *out)
             out->cause = CAUSE_NOTHING_IN_REACH;
         else if (person >= FEW_SHARE && person < MAX_SHARE)
             status = look_upside_down(&film, out);
-        else if (person < FEW_SHARE)
+        else if (person < FEW_SHARE && has_levels(&film))
             status = look_for_person(&film, scene.median, out);
         const bool absurd = scene.median < 1e3 * NEAREST_M || scene.median > 1e3 * FARTHEST_M;
         if (status == OK && out->cause == CAUSE_NONE && absurd)

@@ -324,8 +324,8 @@ static void evaluate(const struct fit_task *task, const struct body_pose *pose, 
                   body_floor_energy(task, &out->build, NULL) +
                   body_collision_energy(&out->build, out->limb_energy, NULL) + body_crossed_legs_energy(&out->build) +
                   body_prior_joint_limits(shape, pose, NULL, NULL);
-    if (task->points)
-        out->energy += point_evidence_energy(task->points, &out->build, NULL);
+    out->energy += point_evidence_energy(task->points, &out->build, NULL);
+    out->energy += joint_evidence_energy(task->joints, &out->build, NULL);
 }
 
 void body_evaluate(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
@@ -334,29 +334,6 @@ void body_evaluate(const struct fit_task *task, const struct body_pose *pose, co
     memset(out->solid, -1, sizeof out->solid);
     out->has_information = false;
     evaluate(task, pose, shape, out);
-}
-
-double body_evaluate_limb(const struct fit_task *task, const struct body_build *build, const struct limb_evidence *limb)
-{
-    const int first = limb->first, count = limb->count;
-    double c2 = task->kernel_m * task->kernel_m, energy = 0;
-    struct solid_line line[SOLID_COUNT];
-    for (int k = first; k < first + count; k++)
-        line[k] = make_solid_line(&build->solid[k]);
-    for (int i = 0; i < limb->point_count; i++) {
-        const struct evidence_point *p = &task->evidence->point[limb->point[i].index];
-        struct solid_hit best = {.distance = limb->point[i].other_distance_m};
-        for (int k = first; k < first + count; k++)
-            try_solid(build, line, k, p->p, v3_unit(p->p), &best);
-        double e2 = best.distance * best.distance;
-        energy += 0.5 * p->weight * e2 * c2 / (c2 + e2);
-    }
-    energy *= point_share(task->evidence);
-    for (int k = first; k < first + count; k++)
-        energy += add_free_solid(task, build, k, NULL, NULL);
-    if (task->points)
-        energy += point_evidence_solids_energy(task->points, build, first, count);
-    return energy;
 }
 
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out)
@@ -377,7 +354,8 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
         add_free_space(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
         body_floor_energy(task, &out->build, &system);
         body_collision_energy(&out->build, out->limb_energy, &system);
-        point_evidence_energy(task->points, &out->build, &system); // the shape is not learned from them
+        point_evidence_energy(task->points, &out->build, &system); // the shape is not learned from them,
+        joint_evidence_energy(task->joints, &out->build, &system); // nor from these
         normal_equations_assemble(&system, &out->build);
         body_prior_joint_limits(&shape, &pose, &system.h[0][0], system.g);
         body_prior_motion(&pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);

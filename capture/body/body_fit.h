@@ -3,17 +3,18 @@
 // (point-to-plane residuals, as in Chen and Medioni 1992), and samples of the model must lie inside the mask's
 // silhouette and not in front of the measured depth (free space).
 //
-// The energy is dimensionless: the sum of what points, silhouette, joint limits, floor, collisions, motion and, where
-// there are any, points of the colour image (point_evidence.h) have against a pose, each squared and in units of its
-// own variance, halved. It is a negative log-likelihood but for a constant, so that differences of energies are
-// log-odds. Points have the robust kernel of Geman and McClure (1985), 0.5 w e^2 c^2 / (c^2 + e^2) with c = kernel_m;
-// silhouette samples have the same with c = 25 cm. Gauss-Newton uses its weight w (c^2 / (c^2 + e^2))^2 (iteratively
-// reweighted least squares).
+// The energy is dimensionless: the sum of what points, silhouette, joint limits, floor, collisions, motion, joints that
+// a network found (joint_evidence.h) and, where there are any, points of the colour image (point_evidence.h) have
+// against a pose, each squared and in units of its own variance, halved. It is a negative log-likelihood but for a
+// constant, so that differences of energies are log-odds. Points have the robust kernel of Geman and McClure (1985),
+// 0.5 w e^2 c^2 / (c^2 + e^2) with c = kernel_m; silhouette samples have the same with c = 25 cm. Gauss-Newton uses its
+// weight w (c^2 / (c^2 + e^2))^2 (iteratively reweighted least squares).
 //
 // Camera axes (x right, y down, z forward), metres and radians. Pure: no allocation, any thread with its own result.
 #pragma once
 #include "capture/body/body_model.h"
 #include "capture/body/depth_evidence.h"
+#include "capture/body/joint_evidence.h"
 #include "capture/body/point_evidence.h"
 
 enum {
@@ -34,6 +35,7 @@ double shape_log_odds(const struct body_shape *shape);
 struct fit_task {
     const struct depth_evidence *evidence;
     const struct point_evidence *points; // of the colour image; NULL: there is none
+    const struct joint_evidence *joints; // that a network found in the depth image; NULL: there is none
     bool have_floor;
     struct vec3 up;
     double floor_m;            // the camera's height over the floor
@@ -67,6 +69,15 @@ struct fit_result {
     double shape_information[SHAPE_COUNT][SHAPE_COUNT]; // of this frame alone, with the pose marginalised out
 };
 
+// The robust kernel with which poses are compared: wide, so that points that are left unexplained count. Chosen by
+// hand.
+#define SEARCH_KERNEL_M 0.12
+
+// Results are large; who fits several poses provides the memory. `best` holds this frame's fit.
+struct fit_scratch {
+    struct fit_result best, trial, other;
+};
+
 // Starts from `start`; *out is filled. Never fails: without evidence the pose stays at the predicted one, and where the
 // normal equations are not positive definite the iterations end early.
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out);
@@ -74,20 +85,3 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
 // Energy and residuals of a pose, which is not changed.
 void body_evaluate(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
                    struct fit_result *out);
-
-// A point of the evidence and its distance from the nearest solid that is not of the limb in question.
-struct limb_point {
-    int index;
-    double other_distance_m;
-};
-
-// A limb's solids (`count` from `first` on) and the points that may be on it.
-struct limb_evidence {
-    int first, count;
-    const struct limb_point *point;
-    int point_count;
-};
-
-// The energy of these points, of the colour image's and of the silhouette for a limb's solids where `build` has them.
-double body_evaluate_limb(const struct fit_task *task, const struct body_build *build,
-                          const struct limb_evidence *limb);

@@ -146,21 +146,14 @@ static bool is_on(const struct point_ray *ray, int first, int count)
     return solid >= first && solid < first + count;
 }
 
-double point_evidence_solids_energy(const struct point_evidence *evidence, const struct body_build *build, int first,
-                                    int count)
-{
-    double energy = 0;
-    for (int i = 0; evidence && i < evidence->count; i++)
-        if (is_on(&evidence->ray[i], first, count))
-            energy += ray_energy(evidence, &evidence->ray[i], build, NULL);
-    return energy;
-}
-
 double point_evidence_dispute(const struct point_evidence *evidence, const struct body_build *build, int first,
                               int count)
 {
-    double max = 0;
+    double energy = 0, max = 0;
     for (int i = 0; evidence && i < evidence->count; i++)
-        max += is_on(&evidence->ray[i], first, count) ? evidence->ray[i].weight * POINT_ENERGY_MAX : 0;
-    return max > 0 ? point_evidence_solids_energy(evidence, build, first, count) / max : 0;
+        if (is_on(&evidence->ray[i], first, count)) {
+            energy += ray_energy(evidence, &evidence->ray[i], build, NULL);
+            max += evidence->ray[i].weight * POINT_ENERGY_MAX;
+        }
+    return max > 0 ? energy / max : 0;
 }

@@ -85,10 +85,7 @@ struct normal_equations;
 double point_evidence_energy(const struct point_evidence *evidence, const struct body_build *build,
                              struct normal_equations *system);
 
-// The energy of the points that are on `count` solids from `first` on.
-double point_evidence_solids_energy(const struct point_evidence *evidence, const struct body_build *build, int first,
-                                    int count);
-
-// The same as a share, 0..1, of what these points have against a body that is nowhere near them; without points 0.
+// The energy of the points that are on `count` solids from `first` on, as a share, 0..1, of what these points have
+// against a body that is nowhere near them; without points 0.
 double point_evidence_dispute(const struct point_evidence *evidence, const struct body_build *build, int first,
                               int count);

@@ -2,7 +2,7 @@
 
 #define BEYOND_M 1e3 // distance from a tube of a point beyond its end
 
-struct solid_line make_solid_line(const struct body_solid *solid)
+static struct solid_line make_solid_line(const struct body_solid *solid)
 {
     struct solid_line l = {.axis = v3_sub(solid->b, solid->a), .flat = solid->width_a > 0 || solid->width_b > 0};
     double length2 = v3_dot(l.axis, l.axis);
@@ -87,8 +87,9 @@ void find_solid_bounds(const struct body_build *build, struct solid_bounds *boun
     }
 }
 
-void try_solid(const struct body_build *build, const struct solid_line *line, int k, struct vec3 p, struct vec3 view,
-               struct solid_hit *best)
+// Replaces *best by solid k where that is nearer to p. view: the unit vector to p.
+static void try_solid(const struct body_build *build, const struct solid_line *line, int k, struct vec3 p,
+                      struct vec3 view, struct solid_hit *best)
 {
     struct solid_hit n = {.solid = k};
     measure_solid(&build->solid[k], &line[k], p, view, &n);

@@ -27,12 +27,7 @@ struct solid_bounds {
     struct solid_line line[SOLID_COUNT];
 };
 
-struct solid_line make_solid_line(const struct body_solid *solid);
 void find_solid_bounds(const struct body_build *build, struct solid_bounds *bounds);
-
-// Replaces *best by solid k where that is nearer to p. view: the unit vector to p.
-void try_solid(const struct body_build *build, const struct solid_line *line, int k, struct vec3 p, struct vec3 view,
-               struct solid_hit *best);
 
 // `guess`: a solid to try first, -1 none.
 struct solid_hit find_nearest_solid(const struct body_build *build, const struct solid_bounds *bounds, struct vec3 p,

@@ -58,6 +58,7 @@ struct component {
     int near_body;                       // cells close to the predicted body
     int adjacent;                        // cells next to cells already taken for the person
     bool is_person;                      // it is the person, or a part of the person
+    bool was_candidate;                  // it was returned for this frame
     double top_low, top_high, top_width; // lateral bounds and extent within 0.2 m of its top
 };
 
@@ -800,8 +801,7 @@ static void read_cells(struct segmenter *segmenter, const uint16_t *image)
 // Bounds and weights of the person score. Chosen by hand for adults and children. Furniture that scores as a person is
 // left to the static object rejection (docs/notes/skeleton.md counts both).
 static const double AREA_MIN_M2 = 0.12, AREA_MAX_M2 = 2.2; // visible surface
-static const double TALL_MIN_M = 0.4, TALL_MAX_M = 2.5;    // cropped by the image's edge; arms up
-static const double TALL_UNCROPPED_MIN_M = 0.8;
+static const double TALL_MIN_M = 0.12, TALL_MAX_M = 2.5;   // lying; arms up
 static const double WIDE_MAX_M = 2.3, DEEP_MAX_M = 1.8;
 static const double BOTTOM_MAX_M = 1.0;  // over the floor, of a person who is not cropped below
 static const double LEGS_HIDDEN_M = 0.5; // a bottom higher than this scores half: legs hidden, or parted by a hem
@@ -822,9 +822,7 @@ static double person_score(const struct segmenter *segmenter, const struct compo
         return 0;
     if (component->border_left && component->border_right)
         return 0;
-    bool cut = component->border_bottom > 0;
-    if (!cut && tall < TALL_UNCROPPED_MIN_M)
-        return 0;
+    const bool cut = component->border_bottom > 0;
     if (segmenter->have_floor && !cut && component->bottom > BOTTOM_MAX_M)
         return 0;
     double score = segmenter->have_floor && !cut && component->bottom > LEGS_HIDDEN_M ? 0.5 : 1;
@@ -875,7 +873,7 @@ static int choose_main(const struct segmenter *segmenter, int sphere_count)
                                                                                                     : 0;
         else
             score = person_score(segmenter, component);
-        if (score > max) {
+        if (score > max && !component->was_candidate) {
             max = score;
             best = c;
         }
@@ -969,6 +967,21 @@ static void collect_person_cells(struct segmenter *segmenter, int main, int sphe
             segmenter->components[segmenter->label[segmenter->candidate[n]]].is_person;
 }
 
+// Makes the likeliest component, and what belongs to it, the person.
+static enum status take_component(struct segmenter *segmenter, const uint16_t *image, int sphere_count, uint8_t *mask)
+{
+    const size_t cells = (size_t)segmenter->width * (size_t)segmenter->height;
+    const int main = choose_main(segmenter, sphere_count);
+    memset(segmenter->person, 0, cells);
+    if (main < 0)
+        return NOTHING;
+    collect_person_cells(segmenter, main, sphere_count);
+    segmenter_upsample_mask(segmenter, image, mask);
+    memcpy(segmenter->previous, segmenter->person, cells);
+    segmenter->following = true;
+    return OK;
+}
+
 enum status segmenter_next(struct segmenter *s, const uint16_t *image, const struct bounding_sphere *spheres,
                            int sphere_count, uint8_t *mask)
 {
@@ -983,15 +996,18 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *image, const str
         segmenter_count_near_body(s, spheres, sphere_count);
     else
         segmenter_measure_components(s);
-    int main = choose_main(s, sphere_count);
-    memset(s->person, 0, (size_t)s->width * (size_t)s->height);
-    if (main < 0)
-        return NOTHING;
-    collect_person_cells(s, main, sphere_count);
-    segmenter_upsample_mask(s, image, mask);
-    memcpy(s->previous, s->person, (size_t)s->width * (size_t)s->height);
-    s->following = true;
-    return OK;
+    return take_component(s, image, sphere_count, mask);
+}
+
+enum status segmenter_next_candidate(struct segmenter *s, const uint16_t *image, uint8_t *mask)
+{
+    memset(mask, 0, lens_pixels(&s->lens));
+    s->following = false;
+    for (int c = 0; c < s->component_count; c++) {
+        s->components[c].was_candidate |= s->components[c].is_person;
+        s->components[c].is_person = false;
+    }
+    return take_component(s, image, 0, mask);
 }
 
 #define PERSON_SCORE_MIN 0.4 // reached by a person a metre to the side and cropped by the image's edge

@@ -44,6 +44,10 @@ bool segmenter_floor(const struct segmenter *segmenter, struct vec3 *up, double 
 MUST_CHECK enum status segmenter_next(struct segmenter *s, const uint16_t *depth, const struct bounding_sphere *spheres,
                                       int sphere_count, uint8_t *mask);
 
+// After a segmenter_next or segmenter_next_candidate without spheres of a person who is not followed yet: the same for
+// the component that resembles a person next most. NOTHING: there is no other; the mask is then all 0.
+MUST_CHECK enum status segmenter_next_candidate(struct segmenter *s, const uint16_t *depth, uint8_t *mask);
+
 // After segmenter_next: the mask of another person in the same frame, in front of the background model and no part of
 // the person who is followed. NOTHING: there is none; the mask is then all 0.
 MUST_CHECK enum status segmenter_second_person(struct segmenter *s, const uint16_t *depth, uint8_t *mask);

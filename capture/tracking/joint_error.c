@@ -48,10 +48,10 @@ struct feature_weights {
 #include "capture/tracking/joint_error_table.inl"
 
 static const char *const feature_names[FEATURE_COUNT] = {
-    "energy",      "energy_mean", "density",   "restart",   "shape",       "posture", "intrusion",
-    "unexplained", "flip",        "backwards", "start",     "sideways",    "bent",    "turned",
-    "cropped",     "far",         "near",      "skirt",     "alternative", "misfit",  "starved",
-    "free_space",  "relocated",   "pair_near", "not_shown", "hidden",      "speed",   "fit",
+    "energy", "energy_mean", "density", "no_person", "shape",      "posture",   "intrusion", "unexplained",
+    "flip",   "backwards",   "start",   "sideways",  "bent",       "turned",    "cropped",   "far",
+    "near",   "skirt",       "misfit",  "starved",   "free_space", "relocated", "pair_near", "elsewhere",
+    "vague",  "not_shown",   "hidden",  "speed",     "fit",
 };
 static const char *const smoothed_names[SMOOTHED_COUNT] = {
     "odds", "around_odds", "worse_odds", "scale",        "apart",    "body_apart",

@@ -21,12 +21,12 @@ enum joint_feature {
     FEATURE_ENERGY,      // the fit's, ln of its multiple of what a good fit has
     FEATURE_ENERGY_MEAN, // the same, averaged over half a second
     FEATURE_DENSITY,     // ln of the energy per visible area, likewise
-    FEATURE_RESTART,     // how nearly as good the best other start tried of late is: 0 far worse, 1 as good
+    FEATURE_NO_PERSON,   // how sure the network is of late that it is no person: 0..1
     FEATURE_SHAPE,       // ln of the energy of the body's proportions among people
     FEATURE_POSTURE,     // ln of the energy of its joint limits and of the usual pose
     FEATURE_INTRUSION,   // ln of the energy of all parts in free space and in each other
     FEATURE_UNEXPLAINED, // share of points far from the body
-    FEATURE_FLIP,        // how nearly as good the body that faces the other way is: 0 far worse, 1 as good or not tried
+    FEATURE_FLIP,        // the network has the person's left elsewhere, asked without a hint: 0, to 1 on the other side
     FEATURE_BACKWARDS,   // walks backwards: 0..1
     FEATURE_START,       // 1 where the person was just detected or replaced, falling over a second
     FEATURE_SIDEWAYS,    // 1: a shoulder points at the camera
@@ -37,13 +37,14 @@ enum joint_feature {
     FEATURE_NEAR,        // metres nearer than 2
     FEATURE_SKIRT,       // 0 or 1
     // of the limb
-    FEATURE_ALTERNATIVE, // as FEATURE_FLIP, of an arm elsewhere or of exchanged legs
-    FEATURE_MISFIT,      // mean squared residual of the points on the limb, 1: all far away
-    FEATURE_STARVED,     // share of the limb's surface without points on it
-    FEATURE_FREE_SPACE,  // ln of the energy of the limb's parts in free space
-    FEATURE_RELOCATED,   // 1 where a search has just moved the limb, falling over a second
-    FEATURE_PAIR_NEAR,   // 1: left and right are in one place of the image
+    FEATURE_MISFIT,     // mean squared residual of the points on the limb, 1: all far away
+    FEATURE_STARVED,    // share of the limb's surface without points on it
+    FEATURE_FREE_SPACE, // ln of the energy of the limb's parts in free space
+    FEATURE_RELOCATED,  // 1 where a search has just moved the limb, falling over a second
+    FEATURE_PAIR_NEAR,  // 1: left and right are in one place of the image
     // of the joint
+    FEATURE_ELSEWHERE, // ln of how far off the network has it
+    FEATURE_VAGUE,     // ln of the network's standard deviation
     FEATURE_NOT_SHOWN, // share of the joint's probes that do not show it
     FEATURE_HIDDEN,    // seconds since it was seen, at most 2
     FEATURE_SPEED,     // ln of the speed

@@ -1,7 +1,7 @@
 // A lower leg that the other leg occludes but for its toe: where the shin sticks out of the silhouette, it is rotated
 // about its knee to where it does not. Pure; camera axes, metres.
 #pragma once
-#include "capture/tracking/limb_hypotheses.h"
+#include "capture/body/body_fit.h"
 
 // Log-odds against a lower leg's place for sticking out of the silhouette (silhouette_cost.h), beyond what the fit's
 // energy counts; 0 in a skirt. leg: of the limbs, 2 or 3.

@@ -67,20 +67,6 @@ bool point_limb_is_disputed(const struct point_evidence *points, const struct bo
     return point_evidence_dispute(points, build, body_limbs[k].first_solid, LIMB_SOLIDS) > DISPUTED_SHARE;
 }
 
-int point_disputed_limb(const struct point_evidence *points, const struct body_build *build)
-{
-    int max = -1;
-    double share = DISPUTED_SHARE;
-    for (int k = 0; k < LIMB_COUNT; k++) {
-        const double against = point_evidence_dispute(points, build, body_limbs[k].first_solid, LIMB_SOLIDS);
-        if (against > share) {
-            share = against;
-            max = k;
-        }
-    }
-    return max;
-}
-
 // The distance along a ray of the first surface that depth shows; 0: none.
 static double first_surface_m(struct vec3 eye, struct vec3 along, const struct lens *lens, const uint16_t *depth,
                               const uint8_t *mask)

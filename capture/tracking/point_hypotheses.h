@@ -16,8 +16,7 @@ enum { LIMB_TARGETS_MAX = 4 };
 int point_limb_targets(const struct point_evidence *points, const struct body_build *build, int k,
                        struct limb_target out[LIMB_TARGETS_MAX]);
 
-// The limb whose points are furthest from where the body has them; -1: all are about right, or there are no points.
-int point_disputed_limb(const struct point_evidence *points, const struct body_build *build);
+// The points of limb k are far from where the body has them.
 bool point_limb_is_disputed(const struct point_evidence *points, const struct body_build *build, int k);
 
 // The middle joint's point of limb k (0), or its end's (1).

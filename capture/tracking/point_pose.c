@@ -3,8 +3,6 @@
 #include "capture/body/two_bone_ik.h"
 #include "capture/tracking/point_hypotheses.h"
 
-#include <stdlib.h>
-
 // A joint lies about this much behind the surface on its ray; chosen by hand.
 #define TRUNK_DEEP_M 0.10
 #define LIMB_DEEP_M  0.04
@@ -88,45 +86,6 @@ static void place_limb(const struct fit_task *task, int k, struct body_pose *pos
             *pose = tried;
         }
     }
-}
-
-static int compare_doubles(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-// The median over bones and the trunk's sides: some have a surface in front of them that is not theirs.
-double point_height_m(const struct fit_task *task)
-{
-    enum { BONES = 10, BONES_MIN = 5 };
-    static const enum body_point_name bone[BONES][2] = {
-        {BODY_POINT_LEFT_SHOULDER, BODY_POINT_LEFT_HIP},   {BODY_POINT_RIGHT_SHOULDER, BODY_POINT_RIGHT_HIP},
-        {BODY_POINT_LEFT_SHOULDER, BODY_POINT_LEFT_ELBOW}, {BODY_POINT_RIGHT_SHOULDER, BODY_POINT_RIGHT_ELBOW},
-        {BODY_POINT_LEFT_ELBOW, BODY_POINT_LEFT_WRIST},    {BODY_POINT_RIGHT_ELBOW, BODY_POINT_RIGHT_WRIST},
-        {BODY_POINT_LEFT_HIP, BODY_POINT_LEFT_KNEE},       {BODY_POINT_RIGHT_HIP, BODY_POINT_RIGHT_KNEE},
-        {BODY_POINT_LEFT_KNEE, BODY_POINT_LEFT_ANKLE},     {BODY_POINT_RIGHT_KNEE, BODY_POINT_RIGHT_ANKLE},
-    };
-    const struct depth_evidence *e = task->evidence;
-    const struct body_shape average = {{0}, 0, 0};
-    const struct body_pose any = body_standing_pose(v3(0, 0, 2), v3(0, -1, 0), 0);
-    struct body_build build;
-    double rate[BONES];
-    int count = 0;
-    body_forward_kinematics(&average, &any, &build);
-    for (int b = 0; b < BONES && task->points; b++) {
-        double far[2];
-        for (int i = 0; i < 2; i++)
-            far[i] = point_surface_m(task->points, bone[b][i], &e->lens, e->depth, e->mask);
-        if (far[0] > 0 && far[1] > 0)
-            rate[count++] =
-                v3_distance(on_ray(task->points, bone[b][0], far[0]), on_ray(task->points, bone[b][1], far[1])) /
-                v3_distance(body_point_on(&build, bone[b][0]), body_point_on(&build, bone[b][1]));
-    }
-    if (count < BONES_MIN)
-        return 0;
-    qsort(rate, (size_t)count, sizeof *rate, compare_doubles);
-    return BODY_AVERAGE_HEIGHT_M * rate[count / 2];
 }
 
 int point_poses(const struct fit_task *task, struct body_pose out[POINT_POSES])

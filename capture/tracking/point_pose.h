@@ -7,6 +7,4 @@
 // their distance is known and only its share across the view is seen; then the limbs along their rays. Returns the
 // number of poses, 0 where the trunk's points are not all visible.
 enum { POINT_POSES = 2 };
-// A person's height by the distances between the points, which a bent or crouching body keeps; 0: too few are visible.
-double point_height_m(const struct fit_task *task);
 int point_poses(const struct fit_task *task, struct body_pose out[POINT_POSES]);

@@ -1,6 +1,7 @@
 // Compares two poses of one frame, limb by limb. Both are judged after a fit with the same shape. Pure.
 #pragma once
-#include "capture/tracking/limb_hypotheses.h"
+#include "capture/body/body_fit.h"
+#include "capture/tracking/limb_pose.h"
 
 // Energies (body_fit.h) of mixtures of two poses minus that of the frame's own pose: log-odds against them, the lower
 // the likelier. Limbs that both poses have in the same place make no difference.

@@ -28,6 +28,7 @@ struct smoother {
     size_t bytes_max;         // of `frame` and `points`; 0: no limit
     struct body_shape *shape; // of each person, as learned in the end
     int people;
+    struct smoother_floor floor; // as the tracker had it at last
     bool in_backward_pass;
     int backward_person; // whose shape the backward pass has
 };
@@ -177,18 +178,21 @@ enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t ind
     assert(index >= 0 && index < s->count);
     struct smoother_frame *m = &s->frame[index];
     struct skeleton backward;
-    if (!s->in_backward_pass || (m->person >= 0 && m->person != s->backward_person)) {
-        tracker_begin_backward(t, m->person < 0 ? tracker_shape(t) : &s->shape[m->person]);
+    if (m->person < 0)
+        return OK;
+    if (!s->in_backward_pass || m->person != s->backward_person) {
+        tracker_begin_backward(t, &s->shape[m->person]);
         s->backward_person = m->person;
     }
     s->in_backward_pass = true;
-    if (m->person >= 0)
-        tracker_add_prior(t, &m->pose);
+    tracker_follow(t, &m->pose);
+    tracker_add_prior(t, &m->pose);
     tracker_set_body_points(t, m->points < 0 ? NULL : &s->points[m->points]);
     enum status status = tracker_next(t, m->time_ns, depth, &backward, NULL);
+    s->floor.known = tracker_floor(t, &s->floor.up, &s->floor.height_m);
     if (status < 0)
         return status;
-    if (status != OK || m->person < 0)
+    if (status != OK)
         return OK;
     m->has_backward = true;
     keep_estimate(s, t, &backward, BACKWARD, m);
@@ -401,6 +405,7 @@ static void smooth_segment(struct smoother *smoother, struct smoother_frame *fra
         for (int64_t i = 0; i < count; i++)
             restore_lengths(&frame[i], &build);
     }
+    smoother_keep_contacts(frame, count, &smoother->floor, scratch->is, scratch->smoothed);
     smoother_decide_confidence(frame, count);
     for (int64_t i = 0; i < count; i++) {
         frame[i].result = skeleton_transform(smoother->calibration.color_from_depth, &frame[i].result);

@@ -10,8 +10,8 @@
 // person faces is decided in the same way, walking ahead being likelier.
 //
 // Remaining jitter is averaged over half a second to both sides, as far as the joint lies on a straight line in time:
-// straight motion is not held back and a turning point is not clipped. Then speeds are bounded and bone lengths
-// restored.
+// straight motion is not held back and a turning point is not clipped. Then speeds are bounded, bone lengths restored,
+// and feet that stand on the floor kept where they stand.
 //
 // Frames in which the forward pass found no person stay without one. Pure: no file, no clock; one take, one thread.
 // Memory: 3968 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an

@@ -1,5 +1,5 @@
 // What the smoother keeps of each frame: skeleton_smoother.c fills and smooths it, smoother_choice.c chooses between
-// estimates, smoother_confidence.c judges the result.
+// estimates, smoother_contact.c keeps feet that stand, smoother_confidence.c judges the result.
 #pragma once
 #include "capture/tracking/pose_likelihood.h"
 #include "capture/tracking/skeleton_smoother.h"
@@ -53,3 +53,16 @@ void smoother_find_features(const struct smoother_frame *frame, struct smoothed_
 
 // Widens the covariances by what is known now, and decides what is seen, in `count` frames of one motion.
 void smoother_decide_confidence(struct smoother_frame *frame, int64_t count);
+
+// ------------------------------------------------------------- smoother_contact.c
+
+struct smoother_floor {
+    bool known;
+    struct vec3 up; // depth camera's axes; height of p over the floor: up.p + height_m
+    double height_m;
+};
+
+// Puts feet that stand where they stand in the mean, in `count` frames of one motion; knees follow, bones keep their
+// lengths. path, offset: scratch of `count`.
+void smoother_keep_contacts(struct smoother_frame *frame, int64_t count, const struct smoother_floor *floor,
+                            struct vec3 *path, struct vec3 *offset);

@@ -176,8 +176,10 @@ static enum status observe(struct tracker *tracker, struct tracked_frame *frame)
     frame->task.have_floor = segmenter_floor(tracker->segmenter, &frame->task.up, &frame->task.floor_m);
     frame->has_evidence =
         status == OK && evidence_read(tracker->evidence, frame->depth, tracker->mask, tracker->options.points);
-    if (frame->has_evidence)
+    if (frame->has_evidence) {
+        tracker_find_joints(tracker, &frame->task);
         tracker_take_points(tracker, &frame->task);
+    }
     tracker_add_elapsed(tracker, &tracker->times.evidence);
     return OK;
 }

@@ -2,18 +2,18 @@
 // where the caller has some (body/point_evidence.h): they tell front from back, left from right and a person from
 // furniture, all of which depth shows badly. Without them everything works from depth alone.
 //
-// Method: articulated ICP. The pose is predicted at constant velocity; the person is segmented near the predicted body;
-// the body model is fitted to the depth points and the silhouette by damped Gauss-Newton with a robust kernel
-// (body_fit.h). Alternative poses of limbs, of the direction the person faces and of exchanged legs are tried, and
-// adopted when the log-odds accumulated over several frames favour them. Proportions are learned over the first seconds
-// and then kept. An adaptive filter (pose_filter.h) smooths the result. Works from the first frame on, with the person
-// standing or moving, facing the sensor at the start unless the image says otherwise.
+// Method: articulated ICP, started by a network. The pose is predicted at constant velocity; the person is segmented
+// near the predicted body; a network finds the joints in the image, without memory (body/body_network.h); the body
+// model is fitted to the depth points, the silhouette and these joints by damped Gauss-Newton with a robust kernel
+// (body_fit.h). Where the network has a limb or the body elsewhere, that is tried and adopted if it is likelier; which
+// way the person faces is decided over several frames. Proportions are learned over the first seconds and then kept. An
+// adaptive filter (pose_filter.h) smooths the result. Works from the first frame on, in any posture: standing, sitting,
+// kneeling, lying; facing the sensor at the start unless the image says otherwise.
 //
 // The output of a frame depends on this and earlier frames only (online estimate). The same frames give the same
 // skeletons. The sensor must stand still; a moved sensor is noticed by its background and costs some frames. Any frame
-// rate works, but counts of frames and the motion prior's standard deviations are chosen for 30 Hz: how often
-// alternatives are tried, how many frames decide (tracker_internal.h, tracker_decide.c, body_prior.c), and static
-// object rejection (0.8 s).
+// rate works, but counts of frames and the motion prior's standard deviations are chosen for 30 Hz: how many frames
+// decide (tracker_internal.h, tracker_decide.c, body_prior.c), and static object rejection (0.8 s).
 //
 // Frames: skeletons in the colour camera's axes, the floor in the depth camera's; metres. One handle, one thread. About
 // 4 MB and two bytes a depth pixel, all but a small list of components allocated by tracker_open.
@@ -72,6 +72,10 @@ MUST_CHECK enum status tracker_next(struct tracker *t, int64_t time_ns, const ui
 // What the covariances of the last skeleton consist of, depth camera's axes: JOINT_COUNT entries, valid until the next
 // tracker_next.
 const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *tracker);
+
+// Where the network found the joints in the last frame, by that image alone (body/body_network.h): colour camera's
+// axes, metres; confidence as the network's standard deviation has it.
+struct skeleton tracker_found_joints(const struct tracker *tracker);
 
 // By what the last skeleton's errors were judged, and the judgement (joint_error.h): JOINT_COUNT entries each.
 const struct joint_features *tracker_joint_features(const struct tracker *tracker);

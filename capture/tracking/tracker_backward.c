@@ -5,14 +5,26 @@
 
 #include <string.h>
 
+#define SAME_PERSON_M 0.5 // between the roots of one person in two passes; chosen by hand
+
 void tracker_begin_backward(struct tracker *tracker, const struct body_shape *shape)
 {
     tracker->backward = true;
     tracker->shape.mean = *shape;
     tracker->has_velocity = false;
     tracker->lost_since_ns = 0;
-    tracker->flip_log_odds = tracker->leg_swap_log_odds = 0;
-    memset(tracker->limb_log_odds, 0, sizeof tracker->limb_log_odds);
+    tracker->flip_log_odds = 0;
+}
+
+void tracker_follow(struct tracker *tracker, const struct body_pose *pose)
+{
+    if (tracker->following && v3_distance(tracker->pose.root, pose->root) < SAME_PERSON_M)
+        return;
+    tracker_drop_person(tracker);
+    tracker->following = true;
+    tracker->pose = tracker->previous_pose = *pose;
+    tracker->person_mean = 0;
+    pose_filter_start(&tracker->filter, &tracker->shape.mean, pose);
 }
 
 const struct body_points *tracker_points(const struct tracker *tracker)
@@ -34,7 +46,8 @@ int tracker_static_object_frames(const struct tracker *tracker) { return tracker
 
 int tracker_detection_count(const struct tracker *tracker) { return tracker->detection_count; }
 
-// With the wide kernel of the limb search: points that are left unexplained have to count.
+// With the wide kernel: points that are left unexplained have to count. Without the network's joints, which were told
+// this pass's sides.
 static struct fit_task evaluation_task(const struct tracker *tracker)
 {
     struct fit_task task = {.point_stride = 1,

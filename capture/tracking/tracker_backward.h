@@ -12,6 +12,10 @@ const struct body_points *tracker_points(const struct tracker *tracker);
 // comes. Until tracker_reset.
 void tracker_begin_backward(struct tracker *tracker, const struct body_shape *shape);
 
+// The person is in about this pose in the next frame: whoever else is followed is dropped for them, and who is not
+// followed is from there.
+void tracker_follow(struct tracker *tracker, const struct body_pose *pose);
+
 // The pose that the forward pass estimated for the next frame: what is close to it is segmented as the person too, so
 // that a limb which one pass has lost is not cut off.
 void tracker_add_prior(struct tracker *tracker, const struct body_pose *pose);

@@ -11,8 +11,9 @@
 #define POSTURE_UNIT  5.0
 #define ENERGY_MEAN_S 0.5
 #define NEAR_M        0.06 // of the body: farther points are not explained
-#define FLIP_UNIT     20.0 // log-odds at which an alternative is out of question
-#define ARM_UNIT      6.0
+#define ELSEWHERE_M   0.05
+#define VAGUE_M       0.05
+#define VAGUE_MAX_M   1.0
 #define JUST_FRAMES   15.0
 #define RELOCATED_S   0.3
 #define WALKING_M_S   0.5
@@ -27,9 +28,6 @@ static double clamp01(double x) { return fmax(0, fmin(1, x)); }
 
 double feature_log(double x, double unit) { return portable_log(1 + fmax(0, x) / unit); }
 
-// 1: as good as the fit or not tried; 0: far worse.
-static double closeness(double gain, double unit) { return clamp01(1 + gain / unit); }
-
 // What all joints of a frame have in common.
 static void find_body_features(struct tracker *tracker, const struct tracked_frame *frame, double *out)
 {
@@ -43,7 +41,7 @@ static void find_body_features(struct tracker *tracker, const struct tracked_fra
     const double per_area = portable_log(fmax(1, fit->energy) / (GOOD_DENSITY * fmax(0.05, e->extent_m2)));
     tracker->density_mean += rate * (fmax(0, per_area) - tracker->density_mean);
     out[FEATURE_DENSITY] = tracker->density_mean;
-    out[FEATURE_RESTART] = tracker->backward ? 0 : clamp01(2 - tracker->restart_rate);
+    out[FEATURE_NO_PERSON] = 1 / (1 + portable_exp(tracker->person_mean));
     out[FEATURE_SHAPE] = feature_log(shape_log_odds(&fit->shape), SHAPE_UNIT);
     out[FEATURE_POSTURE] = feature_log(body_prior_joint_limits(&fit->shape, &fit->pose, NULL, NULL), POSTURE_UNIT);
     double intrusion = 0;
@@ -51,7 +49,7 @@ static void find_body_features(struct tracker *tracker, const struct tracked_fra
         intrusion += fit->limb_energy[s];
     out[FEATURE_INTRUSION] = feature_log(intrusion, FREE_SPACE);
     out[FEATURE_UNEXPLAINED] = fmin(1, 5 * (1 - explained_share(e, fit, NEAR_M)));
-    out[FEATURE_FLIP] = closeness(tracker->flip_gain, FLIP_UNIT);
+    out[FEATURE_FLIP] = clamp01(0.5 - 0.5 * tracker->turned_cosine);
     const struct vec3 ahead = body_axis(&fit->build, SEG_PELVIS, 2), left = body_axis(&fit->build, SEG_CHEST, 0),
                       spine = body_axis(&fit->build, SEG_CHEST, 1), view = v3_unit(fit->build.joint[JOINT_TORSO]),
                       up = v3_length(frame->task.up) > 0.5 ? frame->task.up : v3(0, -1, 0);
@@ -122,8 +120,6 @@ static void find_limb_features(const struct tracker *tracker, int k, enum joint 
     const struct fit_result *fit = &tracker->scratch->best;
     const struct body_limb *limb = &body_limbs[k], *other = &body_limbs[k ^ 1];
     const struct vec3 *joint = fit->build.joint;
-    out[FEATURE_ALTERNATIVE] =
-        k < FIRST_LEG ? closeness(tracker->limb_gain[k], ARM_UNIT) : closeness(tracker->leg_swap_gain, FLIP_UNIT);
     find_points(tracker, solids_of(k, j), &out[FEATURE_MISFIT], &out[FEATURE_STARVED]);
     out[FEATURE_FREE_SPACE] = feature_log(
         fit->limb_energy[limb->upper] + fit->limb_energy[limb->lower] + fit->limb_energy[limb->end], FREE_SPACE);
@@ -149,6 +145,9 @@ void tracker_find_features(struct tracker *tracker, const struct tracked_frame *
             find_limb_features(tracker, k, (enum joint)j, value);
         else
             find_points(tracker, trunk_solids((enum joint)j), &value[FEATURE_MISFIT], &value[FEATURE_STARVED]);
+        value[FEATURE_ELSEWHERE] =
+            feature_log(v3_distance(tracker->joints.joint[j], tracker->scratch->best.build.joint[j]), ELSEWHERE_M);
+        value[FEATURE_VAGUE] = feature_log(fmin(tracker->joints.sigma_m[j], VAGUE_MAX_M), VAGUE_M);
         value[FEATURE_NOT_SHOWN] = 1 - (double)tracker->visible_probes[j] / EVIDENCE_PROBES;
         value[FEATURE_HIDDEN] = fmin(HIDDEN_MAX_S, tracker->sight[j].hidden_s);
         value[FEATURE_SPEED] = feature_log(v3_length(tracker->filter.speed[j]), SPEED_M_S);

@@ -1,6 +1,6 @@
 // State and steps that the source files of the tracker share: tracker_state.c opens and closes it, tracker.c predicts,
-// observes and commits, tracker_decide.c decides what a frame shows, tracker_points.c what colour has to say about it,
-// tracker_backward.c serves the smoother.
+// observes and commits, tracker_decide.c decides what a frame shows, tracker_joints.c and tracker_points.c what the
+// network and colour have to say about it, tracker_backward.c serves the smoother.
 #pragma once
 #include "capture/body/hem_detector.h"
 #include "capture/body/point_evidence.h"
@@ -8,7 +8,7 @@
 #include "capture/segmentation/segment.h"
 #include "capture/tracking/joint_covariance.h"
 #include "capture/tracking/joint_error.h"
-#include "capture/tracking/limb_hypotheses.h"
+#include "capture/tracking/limb_pose.h"
 #include "capture/tracking/tracker.h"
 
 enum { LEARN_EVERY = 2 }; // frames between updates of the background model
@@ -34,21 +34,22 @@ struct tracker {
     struct body_pose shape_pose; // the last pose from which much of the shape was learned
     int64_t lost_since_ns;       // 0: visible
     int poor_frames, frames, empty_frames;
-    int static_object_frames;         // number of frames right before this one that turned out to show a static object
-    unsigned cropped;                 // the image's edges that cropped the person at the last detection
-    double flip_log_odds;             // that the person faces the other way
-    double leg_swap_log_odds;         // that the legs are exchanged
-    double limb_log_odds[LIMB_COUNT]; // that a limb is elsewhere
-    bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
-    // Log-odds of each alternative when it was last tried; 0: not tried on this person.
-    double flip_gain, leg_swap_gain, limb_gain[LIMB_COUNT];
-    double restart_rate; // energy of other starts over the fit's: the least of late
+    int static_object_frames;        // number of frames right before this one that turned out to show a static object
+    unsigned cropped;                // the image's edges that cropped the person at the last detection
+    double flip_log_odds;            // that the person faces the other way
+    bool limb_relocated[LIMB_COUNT]; // this frame found it elsewhere
     double since_relocated_s[LIMB_COUNT], since_turned_s;
     double density_mean;
-    double energy_mean;             // of FEATURE_ENERGY (joint_error.h)
-    bool flipped;                   // this frame turned the body round
-    int refused_wait;               // frames until a component that was no person is looked at again
-    int restart_wait, restart_turn; // frames since another start was tried; which is next
+    double energy_mean; // of FEATURE_ENERGY (joint_error.h)
+    bool flipped;       // this frame turned the body round
+    int refused_wait;   // frames until a component that was no person is looked at again
+    struct body_network *network;
+    struct joint_evidence untold; // what it found in this frame without a hint,
+    struct joint_evidence joints; // and told where the followed person's left is, if that is not where it finds it
+    bool has_joints;              // they are not somebody else's
+    struct body_square square;    // in which it looked
+    double person_log_odds, person_mean; // that it is a person, in this frame and of late
+    double turned_cosine; // between the followed person's left and what it finds untold, negative: the other way
     struct body_points next_points; // of the next frame's colour image
     bool has_next_points;
     struct point_evidence points;                // of this frame, and of the smoother's questions about it
@@ -85,6 +86,16 @@ void tracker_add_elapsed(struct tracker *tracker, int64_t *step);
 
 // Forgets the person, not the learned background.
 void tracker_drop_person(struct tracker *tracker);
+
+// ---- joints that the network finds in the depth image (tracker_joints.c)
+// After the evidence was read: they become evidence. A followed person's sides are where `task->expected` has them.
+void tracker_find_joints(struct tracker *tracker, struct fit_task *task);
+// What the network finds in the same image, told that the person's left is where it has it and where it has their
+// right.
+void tracker_find_both_sides(struct tracker *tracker, struct joint_evidence told[2]);
+// Tries the whole body and limbs where the network has them, and limbs where the colour image's points have them: true
+// where that is likelier; scratch->best is then that, with the wide kernel.
+bool tracker_try_joints(struct tracker *tracker, const struct fit_task *task);
 
 // ---- points of the colour image (tracker_points.c)
 // First in a frame: takes what was set for it.

@@ -3,6 +3,7 @@
 #include "capture/tracking/tracker_internal.h"
 
 #include <limits.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -36,6 +37,8 @@ enum status tracker_open(struct tracker **out, const struct calibration *calibra
         status = segmenter_open(&t->segmenter, &calibration->depth);
     if (status == OK)
         status = evidence_open(&t->evidence, &calibration->depth);
+    if (status == OK)
+        status = body_network_open(&t->network);
     if (status != OK) {
         tracker_close(&t);
         return status;
@@ -53,6 +56,8 @@ void tracker_close(struct tracker **tracker)
         segmenter_close(&(*tracker)->segmenter);
     if ((*tracker)->evidence)
         evidence_close(&(*tracker)->evidence);
+    if ((*tracker)->network)
+        body_network_close(&(*tracker)->network);
     free((*tracker)->scratch);
     free((*tracker)->mask);
     free((*tracker)->second_mask);
@@ -82,6 +87,21 @@ void tracker_set_body_points(struct tracker *tracker, const struct body_points *
         tracker->next_points = *points;
 }
 
+struct skeleton tracker_found_joints(const struct tracker *tracker)
+{
+    struct skeleton out = {0};
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const double variance = tracker->untold.sigma_m[j] * tracker->untold.sigma_m[j];
+        if (!isfinite(variance))
+            continue;
+        const struct covariance3 c = {.xx = variance, .yy = variance, .zz = variance};
+        out.joint[j] = pose_apply(tracker->calibration.color_from_depth, tracker->untold.joint[j]);
+        joint_set_covariance(&out, (enum joint)j, &c);
+        out.confidence[j] = confidence_of(sqrt(variance), true);
+    }
+    return out;
+}
+
 const struct joint_features *tracker_joint_features(const struct tracker *tracker) { return tracker->features; }
 
 const struct joint_error *tracker_joint_errors(const struct tracker *tracker) { return tracker->error; }
@@ -99,8 +119,7 @@ void tracker_drop_person(struct tracker *tracker)
 {
     tracker->following = tracker->has_velocity = false;
     tracker->poor_frames = 0;
-    tracker->flip_log_odds = tracker->leg_swap_log_odds = 0;
-    memset(tracker->limb_log_odds, 0, sizeof tracker->limb_log_odds);
+    tracker->flip_log_odds = 0;
     memset(tracker->limb_relocated, 0, sizeof tracker->limb_relocated);
     memset(tracker->since_relocated_s, 0, sizeof tracker->since_relocated_s);
     tracker->lost_since_ns = 0;
@@ -114,7 +133,7 @@ void tracker_reset(struct tracker *tracker)
     tracker->backward = tracker->has_next_points = false;
     tracker->confirmed = tracker->elsewhere = false;
     tracker->unconfirmed_images = tracker->pointed_frames = 0;
-    tracker->frames = tracker->empty_frames = tracker->refused_wait = tracker->restart_wait = tracker->restart_turn = 0;
+    tracker->frames = tracker->empty_frames = tracker->refused_wait = 0;
     tracker->frames_since_image = tracker->frames_since_points = INT_MAX / 2;
     segmenter_reset(tracker->segmenter);
 }

@@ -12,9 +12,9 @@
 enum { POSTURE_MOTIONS = 240, WORST = 10, FACINGS = 8, DISTANCES = 7 };
 
 static const char *const columns[] = {
-    "films",     "frames",    "lost_%",    "ghosts_%",  "other_%",  "mean_mm",   "geo_mm",    "less_mm",
-    "in10_%",    "in10hid_%", "in10all_%", "arms_%",    "legs_%",   "body_%",    "swapped_%", "seen15_%",
-    "infer15_%", "seen_%",    "infer_%",   "unknown_%", "seen95_%", "infer95_%",
+    "films",     "frames",    "lost_%",    "ghosts_%",  "other_%",   "mean_mm",  "geo_mm",    "less_mm",
+    "angle_deg", "in10_%",    "in10hid_%", "in10all_%", "arms_%",    "legs_%",   "body_%",    "swapped_%",
+    "seen15_%",  "infer15_%", "seen_%",    "infer_%",   "unknown_%", "seen95_%", "infer95_%",
 };
 
 struct dice_trial {
@@ -85,7 +85,7 @@ static enum status add_row(struct dice_trial *t, const char *name, enum dice_mod
     if (!m.films)
         return OK;
     char label[64];
-    static const char *const suffix[DICE_MODES] = {", online", "", ", c. online", ", colour"};
+    static const char *const suffix[DICE_MODES] = {", online", "", ", one image", ", c. online", ", colour"};
     snprintf(label, sizeof label, "%.28s%s", name, suffix[mode]);
     const double value[COUNT_OF(columns)] = {
         m.films,
@@ -96,6 +96,7 @@ static enum status add_row(struct dice_trial *t, const char *name, enum dice_mod
         m.mean_mm,
         m.geometric_mm,
         m.less_mm,
+        m.angle_degrees,
         m.within_seen,
         m.within_hidden,
         m.within_all,

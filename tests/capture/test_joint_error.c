@@ -92,7 +92,7 @@ static void test_ambiguity_counts(void **state)
     for (size_t i = 0; i < COUNT_OF(limbs); i++) {
         struct joint_features f = {{0}};
         const float alone = joint_error_online(limbs[i], true, &f).wrong_log_odds;
-        f.value[FEATURE_ALTERNATIVE] = f.value[FEATURE_FLIP] = 1;
+        f.value[FEATURE_ELSEWHERE] = f.value[FEATURE_FLIP] = 1;
         const float ambiguous = joint_error_online(limbs[i], true, &f).wrong_log_odds;
         struct smoothed_features s = {.value = {[SMOOTHED_ODDS] = 6}};
         const float agreed = joint_error_smoothed(limbs[i], true, &s).wrong_log_odds;

@@ -3,6 +3,7 @@
 #include "tests/support/test.h"
 
 #include "capture/body/point_evidence.h"
+#include "capture/body/two_bone_ik.h"
 #include "capture/tracking/skeleton_smoother.h"
 #include "capture/tracking/tracker_backward.h"
 #include "capture/tracking/tracker_internal.h"
@@ -120,8 +121,20 @@ static void follow_instead(struct tracker *t, struct body_pose pose)
 {
     t->pose = t->previous_pose = pose;
     t->has_velocity = false;
-    t->flip_log_odds = t->leg_swap_log_odds = 0;
+    t->flip_log_odds = 0;
     pose_filter_start(&t->filter, &t->scratch->best.shape, &t->pose);
+}
+
+// Each leg where the other one is.
+static struct body_pose legs_exchanged(const struct fit_result *fit)
+{
+    struct body_pose pose = fit->pose;
+    for (int k = FIRST_LEG; k < LIMB_COUNT; k++) {
+        const struct body_limb *other = &body_limbs[k ^ 1];
+        two_bone_ik(&fit->shape, &pose, body_limbs[k].upper, fit->build.origin[other->end],
+                    body_axis(&fit->build, SEG_PELVIS, 2));
+    }
+    return pose;
 }
 
 // Frames until the body is the right way round again after it was put the wrong way; `most` + 1: not within those.
@@ -140,8 +153,7 @@ static int frames_until_right(enum points_kind kind, bool legs, int most)
         tracked_film_shoot(&f, from, t, (uint64_t)k);
         if (k == BEFORE) {
             const struct fit_result *best = &f.tracker->scratch->best;
-            follow_instead(f.tracker,
-                           legs ? legs_swapped_pose(best) : body_pose_flip_facing(&best->shape, &best->pose));
+            follow_instead(f.tracker, legs ? legs_exchanged(best) : body_pose_flip_facing(&best->shape, &best->pose));
         }
         if (k % EVERY == 0)
             set_points(&f, kind, from, t);

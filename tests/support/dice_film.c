@@ -16,7 +16,7 @@ enum { LOOK_EVERY = 3 };
 
 const char *dice_mode_name(enum dice_mode m)
 {
-    static const char *const names[DICE_MODES] = {"online", "smoothed", "color_online", "color_smoothed"};
+    static const char *const names[DICE_MODES] = {"online", "smoothed", "alone", "color_online", "color_smoothed"};
     return names[m];
 }
 
@@ -130,8 +130,10 @@ static enum status track(struct dice_film *f, const struct dice_camera *c, const
     }
     if (status == OK)
         status = track_modes(f, images, DICE_ONLINE);
-    for (int k = 0; k < f->plan.frames && status == OK; k++)
+    for (int k = 0; k < f->plan.frames && status == OK; k++) {
         f->frame[k].evidence = images->evidence[k];
+        f->frame[k].track[DICE_ALONE] = images->evidence[k].found;
+    }
     if (status == OK && looking->network) {
         images->points = looking->points;
         images->looked = looking->looked;

@@ -17,6 +17,7 @@ static inline bool dice_can_be_seen(enum dice_sight s) { return s == DICE_VISIBL
 enum dice_mode {
     DICE_ONLINE,
     DICE_SMOOTHED,
+    DICE_ALONE, // the network's joints of each image alone, where a person is followed
     DICE_DEPTH_MODES,
     DICE_COLOR_ONLINE = DICE_DEPTH_MODES,
     DICE_COLOR_SMOOTHED,

@@ -97,6 +97,8 @@ struct sums {
     struct count lost, ghosts, followed_other, within_seen, within_hidden, within_all;
     struct count swapped[DICE_SWAPS], swapped_any, sure_wrong, guessed_wrong, sure, guessed, unknown, sure_inside,
         guessed_inside;
+    double angle_rad;
+    long angles;
     // Of the film at hand.
     double error_m, less_m;
     int claimed;
@@ -152,6 +154,36 @@ static void add_person(struct sums *s, const struct dice_frame *f, const struct 
         add(&s->followed_other, follows_other(f, got));
 }
 
+static double angle_rad(const struct skeleton *s, const enum joint at[3])
+{
+    const struct vec3 a = v3_unit(v3_sub(s->joint[at[0]], s->joint[at[1]])),
+                      b = v3_unit(v3_sub(s->joint[at[2]], s->joint[at[1]]));
+    return atan2(v3_length(v3_cross(a, b)), v3_dot(a, b));
+}
+
+static void add_angles(struct sums *s, const struct dice_frame *f, const struct skeleton *got)
+{
+    static const enum joint angles[][3] = {
+        {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
+        {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
+        {JOINT_LEFT_HIP, JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
+        {JOINT_RIGHT_HIP, JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW},
+        {JOINT_LEFT_SHOULDER, JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
+        {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE},
+        {JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
+        {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
+    };
+    for (size_t i = 0; i < sizeof angles / sizeof *angles; i++) {
+        bool known = true;
+        for (int k = 0; k < 3; k++)
+            known = known && got->confidence[angles[i][k]] > 0 && dice_can_be_seen(f->sight[angles[i][k]]);
+        if (!known)
+            continue;
+        s->angle_rad += fabs(angle_rad(got, angles[i]) - angle_rad(&f->truth, angles[i]));
+        s->angles++;
+    }
+}
+
 // Returns whether the frame counts.
 static bool add_frame(struct sums *s, const struct dice_frame *f, enum dice_mode mode, const struct dice_rig *rig)
 {
@@ -167,6 +199,7 @@ static bool add_frame(struct sums *s, const struct dice_frame *f, enum dice_mode
     add(&s->lost, !person);
     if (person)
         add_person(s, f, got);
+    add_angles(s, f, got);
     for (int j = 0; j < JOINT_COUNT; j++) {
         const struct dice_joint joint = dice_joint_of(f, mode, (enum joint)j, rig);
         add_joint(s, &joint, f->sight[j]);
@@ -177,6 +210,7 @@ static bool add_frame(struct sums *s, const struct dice_frame *f, enum dice_mode
 static void finish(struct dice_measure *m, const struct sums *s)
 {
     m->lost = percent(s->lost);
+    m->angle_degrees = s->angles ? s->angle_rad * 57.29577951308232 / (double)s->angles : NAN;
     m->ghosts = percent(s->ghosts);
     m->followed_other = percent(s->followed_other);
     m->within_seen = percent(s->within_seen);

@@ -51,6 +51,9 @@ struct dice_measure {
     // A film's mean over the claimed joints (confidence above 0) that can be seen at all; over films the mean and the
     // geometric mean; and the mean without the rig's constant.
     double mean_mm, geometric_mm, less_mm;
+    // Mean absolute error of the angles at elbows, shoulders (to the trunk's side), hips (likewise) and knees whose
+    // three joints are claimed and can be seen at all.
+    double angle_degrees;
     // Claimed and less than 10 cm off, of those that can be seen at all, of those hidden by the own body, of all.
     double within_seen, within_hidden, within_all;
     double swapped[DICE_SWAPS], swapped_any; // of frames with a person

@@ -30,6 +30,7 @@ enum status smoothed_film_add(struct smoothed_film *f, int64_t time_ns, const ui
 
 static void keep_online_evidence(struct film_evidence *e, const struct tracker *t)
 {
+    e->found = tracker_found_joints(t);
     memcpy(e->pass[0], tracker_joint_features(t), sizeof e->pass[0]);
     for (int j = 0; j < JOINT_COUNT; j++)
         e->online_widening[j] = (float)tracker_uncertainty_terms(t)[j].scale;

@@ -12,6 +12,7 @@ struct smoothed_floor {
 struct film_evidence {
     struct joint_features pass[2][JOINT_COUNT]; // forward, backward; that of a frame without a person is all 0
     struct smoothed_features smoothed[JOINT_COUNT];
+    struct skeleton found;                                              // by the network in this image alone
     float online_widening[JOINT_COUNT], smoothed_widening[JOINT_COUNT]; // of the covariances
 };
 
