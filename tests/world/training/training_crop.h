@@ -19,8 +19,8 @@ struct training_crop {
 // tools/train_body reads it so, without padding.
 static_assert(sizeof(struct training_crop) == 3 * CROP_CELLS * CROP_CELLS + 4 * (4 * JOINT_COUNT + 11) + 4, "a record");
 
-// About what is seen of the person, or most of it, 1.04 to 1.3 times as large and up to 6 % aside; without a person about any place,
-// as large as a person would be there. Some squares are about furniture, beside a person or not. False: too little of
-// the person is seen to be learnt from, but it is in the picture; or nothing was read there.
+// About what is seen of the person, or most of it, 1.04 to 1.3 times as large and up to 6 % aside; without a person
+// about any place, as large as a person would be there. Some squares are about furniture, beside a person or not.
+// False: too little of the person is seen to be learnt from, but it is in the picture; or nothing was read there.
 bool training_crop_make(const struct training_scene *scene, const struct training_image *image,
                         struct training_crop *out);
