@@ -1,6 +1,7 @@
 #include "compare/angle_report.h"
 
 #include "base/text.h"
+#include "base/text_stream.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -46,28 +47,6 @@ enum status angle_summary_of(const struct movement *movement, struct angle_summa
 
 // ---------------------------------------------------------------- text
 
-struct text {
-    FILE *to;
-    char *bytes;
-    size_t size;
-};
-
-static bool begin_text(struct text *text)
-{
-    *text = (struct text){0};
-    text->to = open_memstream(&text->bytes, &text->size);
-    return text->to;
-}
-
-static char *end_text(struct text *text)
-{
-    const bool broken = ferror(text->to);
-    if (!fclose(text->to) && !broken)
-        return text->bytes;
-    free(text->bytes);
-    return NULL;
-}
-
 // "left elbow"
 static void write_name(FILE *to, enum body_angle angle)
 {
@@ -95,8 +74,8 @@ static struct shown_range shown_range_of(struct angle_range range)
 
 char *angle_report_text(const struct angle_report *report)
 {
-    struct text text;
-    if (!begin_text(&text))
+    struct text_stream text;
+    if (!text_begin(&text))
         return NULL;
     fprintf(text.to, "%s, %.1f s; degrees, without the lowest and highest 3 %% of the frames\n\n", report->name,
             seconds_of(report->movement));
@@ -113,13 +92,13 @@ char *angle_report_text(const struct angle_report *report)
             fprintf(text.to, " %7s %7s %7s", "-", "-", "-");
         fprintf(text.to, " %5.0f %%  %s\n", 100 * report->summary->known[a], body_angle_definition((enum body_angle)a));
     }
-    return end_text(&text);
+    return text_end(&text);
 }
 
 char *angle_report_json(const struct angle_report *report)
 {
-    struct text text;
-    if (!begin_text(&text))
+    struct text_stream text;
+    if (!text_begin(&text))
         return NULL;
     fprintf(text.to, "{\"seconds\": %.3f, \"angles\": {", seconds_of(report->movement));
     for (int a = 0; a < BODY_ANGLES; a++) {
@@ -134,13 +113,13 @@ char *angle_report_json(const struct angle_report *report)
                 body_angle_definition((enum body_angle)a));
     }
     fputs("}}\n", text.to);
-    return end_text(&text);
+    return text_end(&text);
 }
 
 char *angle_report_csv(const struct angle_report *report)
 {
-    struct text text;
-    if (!begin_text(&text))
+    struct text_stream text;
+    if (!text_begin(&text))
         return NULL;
     fputs("time_s", text.to);
     for (int a = 0; a < BODY_ANGLES; a++) {
@@ -158,13 +137,13 @@ char *angle_report_csv(const struct angle_report *report)
                 fprintf(text.to, ",%.2f,%.2f", (double)at.rad[a] * DEGREES, (double)at.sigma[a] * DEGREES);
         fputc('\n', text.to);
     }
-    return end_text(&text);
+    return text_end(&text);
 }
 
 char *angle_report_mot(const struct angle_report *report)
 {
-    struct text text;
-    if (!begin_text(&text))
+    struct text_stream text;
+    if (!text_begin(&text))
         return NULL;
     fprintf(text.to, "%s\nversion=1\nnRows=%d\nnColumns=%d\ninDegrees=yes\nendheader\ntime", report->name,
             report->movement->count, 1 + BODY_ANGLES);
@@ -181,7 +160,7 @@ char *angle_report_mot(const struct angle_report *report)
                 fprintf(text.to, "\t%.4f", (double)at.rad[a] * DEGREES);
         fputc('\n', text.to);
     }
-    return end_text(&text);
+    return text_end(&text);
 }
 
 // ---------------------------------------------------------------- page
@@ -233,8 +212,8 @@ static void write_curve(FILE *to, const struct movement *movement, enum body_ang
 
 char *angle_report_html(const struct angle_report *report)
 {
-    struct text text;
-    if (!begin_text(&text))
+    struct text_stream text;
+    if (!text_begin(&text))
         return NULL;
     FILE *to = text.to;
     fprintf(to, "%s<title>", page_head);
@@ -262,5 +241,5 @@ char *angle_report_html(const struct angle_report *report)
         fputs("</tr>", to);
     }
     fputs("</table>\n", to);
-    return end_text(&text);
+    return text_end(&text);
 }

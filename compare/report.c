@@ -2,6 +2,7 @@
 #include "compare/report.h"
 
 #include "base/text.h"
+#include "base/text_stream.h"
 #include "compare/findings.h"
 #include "compare/good_parts.h"
 
@@ -10,29 +11,6 @@
 #include <string.h>
 
 static const double RAD = 180 / 3.14159265358979323846;
-
-struct text {
-    FILE *to;
-    char *bytes;
-    size_t size;
-};
-
-static FILE *begin_text(struct text *text)
-{
-    *text = (struct text){0};
-    return text->to = open_memstream(&text->bytes, &text->size);
-}
-
-static char *end_text(struct text *text)
-{
-    if (!text->to)
-        return NULL;
-    const bool broken = ferror(text->to);
-    if (!fclose(text->to) && !broken)
-        return text->bytes;
-    free(text->bytes);
-    return NULL;
-}
 
 static void write_number(FILE *to, double value, int digits)
 {
@@ -165,8 +143,8 @@ static void json_date(FILE *to, const char *key, int64_t began_ns)
 char *report_json(const struct report_attempt *attempt)
 {
     const struct comparison *comparison = attempt->c;
-    struct text t;
-    FILE *to = begin_text(&t);
+    struct text_stream t;
+    FILE *to = text_begin(&t);
     if (!to)
         return NULL;
     fputs("{\n  \"score\": ", to);
@@ -195,7 +173,7 @@ char *report_json(const struct report_attempt *attempt)
     json_expected(to, comparison);
     json_ranges(to, comparison);
     fputs("}\n", to);
-    return end_text(&t);
+    return text_end(&t);
 }
 
 static void json_text(FILE *to, const char *text)
@@ -218,8 +196,8 @@ static void json_text(FILE *to, const char *text)
 
 char *report_json_attempts(const struct report_attempt *attempts, int32_t count)
 {
-    struct text t;
-    FILE *to = begin_text(&t);
+    struct text_stream t;
+    FILE *to = text_begin(&t);
     bool whole = to;
     if (!to)
         return NULL;
@@ -233,7 +211,7 @@ char *report_json_attempts(const struct report_attempt *attempts, int32_t count)
         free(report);
     }
     fputs("]}\n", to);
-    char *bytes = end_text(&t);
+    char *bytes = text_end(&t);
     if (whole)
         return bytes;
     free(bytes);
@@ -251,8 +229,8 @@ static void csv_number(FILE *to, double value, int digits)
 
 char *report_csv(const struct comparison *comparison)
 {
-    struct text t;
-    FILE *to = begin_text(&t);
+    struct text_stream t;
+    FILE *to = text_begin(&t);
     if (!to)
         return NULL;
     fputs("time_s,reference_s", to);
@@ -280,7 +258,7 @@ char *report_csv(const struct comparison *comparison)
         }
         fputc('\n', to);
     }
-    return end_text(&t);
+    return text_end(&t);
 }
 
 // ------------------------------------------------------------- plain text
@@ -295,9 +273,9 @@ const char *score_sigma_text(const struct comparison *comparison, char out[SIGMA
 
 char *report_text(const struct comparison *comparison, bool all)
 {
-    struct text t;
+    struct text_stream t;
     char good[GOOD_TEXT_BYTES], sigma[SIGMA_TEXT_BYTES];
-    FILE *to = begin_text(&t);
+    FILE *to = text_begin(&t);
     if (!to)
         return NULL;
     if (comparison->relation == RELATION_SAME)
@@ -330,5 +308,5 @@ char *report_text(const struct comparison *comparison, bool all)
         fprintf(to, "repetition %d, from %.1f s to %.1f s: %.0f\n", (int)k + 1, frame_seconds(r->attempt.first),
                 frame_seconds(r->attempt.end), r->score);
     }
-    return end_text(&t);
+    return text_end(&t);
 }

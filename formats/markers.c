@@ -15,6 +15,8 @@ void markers_free(struct markers *markers)
 
 // ---------------------------------------------------------------- constant rate
 
+enum { DEFAULT_STEP_NS = 33333333 }; // where there is but one sample, or no clock that goes ahead
+
 static int compare_times(const void *a, const void *b)
 {
     const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
@@ -25,16 +27,18 @@ static int compare_times(const void *a, const void *b)
 static int64_t usual_step_ns(const struct marker_sample *samples, int64_t count)
 {
     if (count < 2)
-        return 33333333;
+        return DEFAULT_STEP_NS;
     int64_t *steps = malloc(sizeof *steps * (size_t)(count - 1)), median = 0;
     if (!steps)
         return 0;
+    int64_t ahead = 0;
     for (int64_t i = 0; i + 1 < count; i++)
-        steps[i] = samples[i + 1].time_ns - samples[i].time_ns;
-    qsort(steps, (size_t)(count - 1), sizeof *steps, compare_times);
-    median = steps[(count - 1) / 2];
+        if (samples[i + 1].time_ns > samples[i].time_ns)
+            steps[ahead++] = samples[i + 1].time_ns - samples[i].time_ns;
+    qsort(steps, (size_t)ahead, sizeof *steps, compare_times);
+    median = ahead ? steps[ahead / 2] : DEFAULT_STEP_NS;
     free(steps);
-    return median > 0 ? median : 1;
+    return median;
 }
 
 // The times from the first sample on, without the clock's jumps. NULL: no memory.
@@ -44,7 +48,7 @@ static int64_t *continuous_times(const struct marker_sample *samples, int64_t co
     int64_t *times = malloc(sizeof *times * (size_t)count);
     for (int64_t i = 0; times && i < count; i++) {
         const int64_t gone = i ? samples[i].time_ns - samples[i - 1].time_ns : 0;
-        times[i] = i ? times[i - 1] + (gone > jump_ns ? step_ns : gone) : 0;
+        times[i] = i ? times[i - 1] + (gone > jump_ns || gone <= 0 ? step_ns : gone) : 0;
     }
     return times;
 }
@@ -121,7 +125,9 @@ enum status markers_make(struct markers *out, const struct marker_sample *sample
 void trc_print(const struct markers *markers, const char *name, FILE *out)
 {
     const long long frames = markers->count;
-    fprintf(out, "PathFileType\t4\t(X/Y/Z)\t%s\n", name);
+    const char *slash = strrchr(name, '/');
+    char shown[TEXT_SHOWN_BYTES]; // a tab or a line's end would be the format's
+    fprintf(out, "PathFileType\t4\t(X/Y/Z)\t%s\n", text_shown(slash ? slash + 1 : name, shown));
     fputs("DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n", out);
     fprintf(out, "%.3f\t%.3f\t%lld\t%d\tm\t%.3f\t1\t%lld\n", markers->rate_hz, markers->rate_hz, frames, JOINT_COUNT,
             markers->rate_hz, frames);

@@ -21,14 +21,14 @@ struct marker_sample {
     struct skeleton skeleton;
 };
 
-// Interpolates `count` samples of rising time to the constant rate that is nearest to theirs. A joint is known where it
+// Interpolates `count` samples to the constant rate that is nearest to theirs. A joint is known where it
 // has a confidence above 0 in both samples beside an instant, and these are at most MARKERS_GAP_S apart; a clock that
-// jumps by more than a minute goes on after one step. ERR_INPUT: there is none, or more than MARKERS_MAX frames come of
-// it. ERR_MEMORY. On failure *out is zeroed.
+// jumps by more than a minute, stands or goes back goes on after one step. ERR_INPUT: there is none, or more than
+// MARKERS_MAX frames come of it. ERR_MEMORY. On failure *out is zeroed.
 #define MARKERS_GAP_S 0.25
 enum { MARKERS_MAX = 1 << 22 };
 MUST_CHECK enum status markers_make(struct markers *out, const struct marker_sample *samples, int64_t count);
 
-// name: the file's, in the first line. Errors are found in ferror(out).
+// name: the file's, in the first line; of a path the last part. Errors are found in ferror(out).
 void trc_print(const struct markers *markers, const char *name, FILE *out);
 void c3d_print(const struct markers *markers, FILE *out);

@@ -54,25 +54,18 @@ static enum status check_outputs(const struct angles_arguments *given)
     return status;
 }
 
-static enum status write_text(const char *path, char *text)
-{
-    if (!text)
-        return fail(ERR_MEMORY, "no memory for the angles");
-    enum status status = OK;
-    if (path)
-        status = file_write(path, text, strlen(text));
-    else
-        fputs(text, stdout);
-    free(text);
-    return status;
-}
-
 static enum status write_report(const struct angles_arguments *given, const struct angle_report *report)
 {
-    enum status status = write_text(NULL, given->json ? angle_report_json(report) : angle_report_text(report));
-    for (int i = 0; i < FILES && status == OK; i++)
-        if (given->file_of[i].path)
-            status = write_text(given->file_of[i].path, given->file_of[i].make(report));
+    enum status status = command_write_text(NULL, given->json ? angle_report_json(report) : angle_report_text(report));
+    for (int i = 0; i < FILES && status == OK; i++) {
+        const char *path = given->file_of[i].path;
+        for (int k = 0; k < i && path; k++) // by another name, which shows once it is there
+            if (given->file_of[k].path && file_is_same(given->file_of[k].path, path))
+                return fail(ERR_INPUT, "%s is what was just written as %s; it was left so", path,
+                            given->file_of[k].path);
+        if (path)
+            status = command_write_text(path, given->file_of[i].make(report));
+    }
     return status;
 }
 

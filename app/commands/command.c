@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/text.h"
+#include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "platform/sensors/source.h"
 
@@ -314,6 +315,19 @@ int command_failed(const char *program)
 {
     fprintf(stderr, "%s: %s\n", program, status_message());
     return 1;
+}
+
+enum status command_write_text(const char *path, char *text)
+{
+    if (!text)
+        return fail(ERR_MEMORY, "no memory for the report");
+    enum status status = OK;
+    if (path)
+        status = file_write(path, text, strlen(text));
+    else
+        fputs(text, stdout);
+    free(text);
+    return status;
 }
 
 void command_warn_moved_tags(const char *program, int32_t count, int32_t first)

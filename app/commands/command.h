@@ -31,6 +31,9 @@ void command_print_version(const char *program);
 // Prints "program: sentence" of the last fail() to stderr; returns 1.
 int command_failed(const char *program);
 
+// Writes the malloc'ed text to the file, NULL: standard output, and frees it. ERR_MEMORY: text is NULL. ERR_IO.
+MUST_CHECK enum status command_write_text(const char *path, char *text);
+
 // Warns on stderr that `count` tags are not where the place has them, the lowest id being `first`. 0: no output.
 void command_warn_moved_tags(const char *program, int32_t count, int32_t first);
 

@@ -346,19 +346,6 @@ static enum status check_output(const struct compare_arguments *arguments, const
     return file_check_output(path, arguments->force);
 }
 
-static enum status write_text(const char *path, char *text)
-{
-    if (!text)
-        return fail(ERR_MEMORY, "no memory for the report");
-    enum status status = OK;
-    if (path)
-        status = file_write(path, text, strlen(text));
-    else
-        fputs(text, stdout);
-    free(text);
-    return status;
-}
-
 static const char *name_of(const char *path, const char *take)
 {
     const char *slash = strrchr(path, '/');
@@ -529,23 +516,23 @@ static enum status write_reports(struct compare_run *run)
             draw_moments(run, a->with[k].path, a->with[k].take, k, k + 1);
     }
     if (a->html)
-        status = write_text(a->html, report_html(run->attempts, a->attempts, name_of(a->reference, a->take)));
+        status = command_write_text(a->html, report_html(run->attempts, a->attempts, name_of(a->reference, a->take)));
     if (status == OK && a->html && a->csv && file_is_same(a->html, a->csv))
         return fail(ERR_INPUT, "--csv %s is the page of --html; the page was written, the angles were not", a->csv);
     if (status == OK && a->csv)
-        status = write_text(a->csv, report_csv(&run->comparisons[0]));
+        status = command_write_text(a->csv, report_csv(&run->comparisons[0]));
     if (status != OK)
         return status;
     if (a->json)
-        return write_text(NULL, a->attempts == 1 ? report_json(&run->attempts[0])
-                                                 : report_json_attempts(run->attempts, a->attempts));
+        return command_write_text(NULL, a->attempts == 1 ? report_json(&run->attempts[0])
+                                                         : report_json_attempts(run->attempts, a->attempts));
     for (int k = 0; k < a->attempts && a->attempts > 1; k++)
         if (run->comparisons[k].relation == RELATION_SAME)
             printf("attempt %d, %s: %.0f\n", k + 1, text_shown(run->attempts[k].name, shown),
                    run->comparisons[k].score);
         else
             printf("attempt %d, %s: no score\n", k + 1, text_shown(run->attempts[k].name, shown));
-    return write_text(NULL, report_text(&run->comparisons[a->attempts - 1], a->all));
+    return command_write_text(NULL, report_text(&run->comparisons[a->attempts - 1], a->all));
 }
 
 int reenact_compare(int argc, char **argv)

@@ -12,8 +12,8 @@ const struct body_points *tracker_points(const struct tracker *tracker);
 // comes. Until tracker_reset.
 void tracker_begin_backward(struct tracker *tracker, const struct body_shape *shape);
 
-// The person is in about this pose in the next frame: whoever else is followed is dropped for them, and who is not
-// followed is from there.
+// The next frame shows the person in about this pose: tracking goes on from it, unless the tracker follows this person
+// already; another one that it follows is dropped.
 void tracker_follow(struct tracker *tracker, const struct body_pose *pose);
 
 // The pose that the forward pass estimated for the next frame: what is close to it is segmented as the person too, so

@@ -3,6 +3,7 @@
 #include "tests/support/test.h"
 
 #include "capture/export.h"
+#include "formats/markers.h"
 #include "platform/files/file.h"
 #include "platform/files/video.h"
 #include "platform/sensors/source.h"
@@ -390,6 +391,27 @@ static void test_c3d_matches_take(void **state)
     timed_take_close(&t);
 }
 
+// A clock that stands, goes back or jumps by hours: one step each, and every sample in its order.
+static void test_markers_of_broken_clocks(void **state)
+{
+    (void)state;
+    static const int64_t times_ms[][4] = {
+        {0, 100, 100, 200}, {0, 100, 50, 150}, {0, 100, 90000000, 90000100}, {5, 5, 5, 5}, {9, 7, 4, 1}};
+    for (size_t i = 0; i < COUNT_OF(times_ms); i++) {
+        struct marker_sample samples[4];
+        struct markers markers;
+        for (int k = 0; k < 4; k++)
+            samples[k] = (struct marker_sample){times_ms[i][k] * 1000000, truth(k)};
+        EXPECT_STATUS(markers_make(&markers, samples, 4), OK);
+        EXPECT_INT(markers.count, 4);
+        EXPECT_NEAR(markers.at[0][JOINT_HEAD][0], truth(0).joint[JOINT_HEAD].x, 1e-6);
+        EXPECT_NEAR(markers.at[3][JOINT_HEAD][0], truth(3).joint[JOINT_HEAD].x, 2e-3);
+        markers_free(&markers);
+    }
+    struct markers none;
+    EXPECT_STATUS(markers_make(&none, NULL, 0), ERR_INPUT);
+}
+
 static void test_markers_need_a_person(void **state)
 {
     (void)state;
@@ -749,9 +771,9 @@ int main(void)
         cmocka_unit_test(test_csv_has_every_joint),      cmocka_unit_test(test_bvh_matches_take),
         cmocka_unit_test(test_bvh_keeps_time_over_gaps), cmocka_unit_test(test_bvh_has_the_same_axes_all_along),
         cmocka_unit_test(test_trc_matches_take),         cmocka_unit_test(test_c3d_matches_take),
-        cmocka_unit_test(test_markers_need_a_person),    cmocka_unit_test(test_bvh_needs_a_person),
-        cmocka_unit_test(test_room_axes_need_a_room),    cmocka_unit_test(test_times_before_zero),
-        cmocka_unit_test(test_images_come_back),
+        cmocka_unit_test(test_markers_need_a_person),    cmocka_unit_test(test_markers_of_broken_clocks),
+        cmocka_unit_test(test_bvh_needs_a_person),       cmocka_unit_test(test_room_axes_need_a_room),
+        cmocka_unit_test(test_times_before_zero),        cmocka_unit_test(test_images_come_back),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
