@@ -40,8 +40,6 @@ enum {
     KEY_FORCE
 };
 
-static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
-
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the take to show", 0},
     {"camera", KEY_CAMERA, "URI", 0,
@@ -50,8 +48,11 @@ static const struct argp_option options[] = {
      "no camera, the place as it was filmed behind the actor",
      0},
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
-    {"detail", KEY_DETAIL, "paper|full|auto", 0,
-     "paper: the 2014 method to the letter; full: the best quality (default); auto: as much as the eye can see", 0},
+    {"detail", KEY_DETAIL, "LEVEL", 0,
+     "paper: the 2014 method to the letter, cylinders coloured by one frame; parts: by the nearest frame for each "
+     "cylinder; fused: the avatar in its own colours; full: the best quality (default); auto: as much as the eye can "
+     "see",
+     0},
     {"layers", KEY_LAYERS, NULL, 0,
      "also write NAME_actor.png (the actor alone, RGBA, straight alpha) and NAME_source.png (where each of its "
      "pixels is from: red 85 seen in this frame, 170 taken from another frame, 255 filled in; 256 green + blue: how "
@@ -82,7 +83,7 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
     case KEY_FORCE: a->force = true; return 0;
     case KEY_START: a->start_s = command_parse_number(state, "--start", value, -1e6, 1e6); return 0;
     case KEY_DETAIL:
-        a->detail = (enum detail)command_parse_choice(state, "--detail", value, detail_names, COUNT_OF(detail_names));
+        a->detail = (enum detail)command_parse_choice(state, "--detail", value, detail_names, DETAIL_COUNT);
         return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
     case ARGP_KEY_END:
@@ -125,7 +126,7 @@ struct render_run {
     int64_t images;   // drawn: all that could be read
     struct picture_count count;
     int64_t with_actor, parts;
-    int64_t at_level[DETAIL_AUTO];
+    int64_t at_level[DETAIL_LEVELS];
     double error_px; // predicted, summed over all images with the actor
     int64_t spent_ns[STAGE_COUNT], lap_ns;
 };
@@ -428,7 +429,7 @@ static enum status write_stats(struct render_run *run)
     picture_count_add_json(root, &run->count);
     json_add_number(root, "with_actor", (double)run->with_actor);
     struct json *levels = json_add_object(root, "pictures_at_level");
-    for (int d = 0; d < DETAIL_AUTO; d++)
+    for (int d = 0; d < DETAIL_LEVELS; d++)
         json_add_number(levels, detail_names[d], (double)run->at_level[d]);
     json_add_number(root, "parts_per_picture", run->with_actor ? (double)run->parts / (double)run->with_actor : 0);
     json_add_number(root, "predicted_error_px", run->with_actor ? run->error_px / (double)run->with_actor : 0);

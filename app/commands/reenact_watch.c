@@ -18,6 +18,7 @@ struct watch_arguments {
     bool fullscreen, light, developer, mirrored, no_body_points, stats, ask, say_in_window;
     int rotate, size[2];
     double dpi, seconds, text; // text: 0: as it was
+    enum detail detail;        // DETAIL_COUNT: as it was
 };
 
 enum {
@@ -37,6 +38,7 @@ enum {
     KEY_KNOWLEDGE,
     KEY_SAY_IN_WINDOW,
     KEY_TEXT,
+    KEY_DETAIL,
     KEY_DEVELOPER
 };
 
@@ -52,6 +54,10 @@ static const struct argp_option options[] = {
     {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
     {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
     {"text", KEY_TEXT, "PERCENT", 0, "size of the text and all else on the screen: 100, 125 or 150", 0},
+    {"detail", KEY_DETAIL, "LEVEL", 0,
+     "what the actor is drawn as: paper, parts, fused, full or auto, as of reenact render (default: what was chosen "
+     "last; at first auto)",
+     0},
     {"developer", KEY_DEVELOPER, NULL, 0, "offer what developers look at: times of frames, where pixels come from", 0},
     {"mirrored", KEY_MIRRORED, NULL, 0, "the actor with left and right exchanged; with --sensor you are judged by that",
      0},
@@ -77,6 +83,9 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_DEVELOPER: a->developer = true; return 0;
+    case KEY_DETAIL:
+        a->detail = (enum detail)command_parse_choice(state, "--detail", value, detail_names, DETAIL_COUNT);
+        return 0;
     case KEY_TEXT: a->text = command_parse_text_size(state, value); return 0;
     case KEY_MIRRORED: a->mirrored = true; return 0;
     case KEY_NO_BODY_POINTS: a->no_body_points = true; return 0;
@@ -207,6 +216,8 @@ static struct viewer_options options_of(struct watch *watch)
                                    .fullscreen = a->fullscreen,
                                    .settings = keeps ? settings : NULL,
                                    .text_size = a->text,
+                                   .detail_given = a->detail < DETAIL_COUNT,
+                                   .detail = a->detail < DETAIL_COUNT ? a->detail : DETAIL_AUTO,
                                    .mirrored = a->mirrored,
                                    .ask_knowledge = a->ask,
                                    .opening = show_opening,
@@ -353,7 +364,7 @@ int reenact_watch(int argc, char **argv)
         0,
         0,
         0};
-    struct watch_arguments given = {.size = {1280, 800}};
+    struct watch_arguments given = {.size = {1280, 800}, .detail = DETAIL_COUNT};
     command_parse(&argp, argc, argv, &given);
     struct watch watch = {.arguments = &given, .started_ns = clock_now_ns()};
     command_catch_signals();

@@ -63,6 +63,7 @@ struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
                                .playback = playback_start(0, 1),
                                .orbiting = true,
                                .avatar_progress = 1,
+                               .detail = DETAIL_AUTO,
                                .error_px = 1,
                                .text_size = 1,
                                .tag_moved_notified = -1,
@@ -198,6 +199,10 @@ static bool steps_in_list(struct view_state *state, enum view_action action)
 // Actions that mean the same on every page.
 static bool do_anywhere(struct view_state *state, enum view_action action)
 {
+    if (action >= DO_DETAIL && action <= DO_DETAIL_LAST) {
+        state->detail = (enum detail)(action - DO_DETAIL);
+        return true;
+    }
     switch (action) {
     case DO_BACK: go_back(state); return true;
     case DO_THEME: state->dark = !state->dark; return true;

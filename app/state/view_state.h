@@ -7,6 +7,7 @@
 #include "app/state/live_state.h"
 #include "app/state/orbit.h"
 #include "app/state/playback_clock.h"
+#include "base/level_of_detail.h"
 
 // ---------------------------------------------------------------- room state
 
@@ -83,6 +84,8 @@ enum view_action {
     DO_FRAME_GRAPH,
     DO_THEME,
     DO_TEXT_SIZE,       // the next
+    DO_DETAIL,          // + enum detail
+    DO_DETAIL_LAST = DO_DETAIL + DETAIL_COUNT - 1,
     DO_MOVE,            // begin or end moving the actor
     DO_RESET_PLACEMENT, // put the actor back to where the take was filmed
     DO_SCREENSHOT,
@@ -186,7 +189,8 @@ struct view_state {
     char camera_trouble[512]; // a copy of the last view_camera.trouble
     const char *problem;      // what is wrong with the recording while it plays; NULL: nothing; borrowed
     bool frozen;              // the camera is open and sends no images
-    double error_px;          // permitted error of the drawn actor, pixels: selects the level of detail
+    enum detail detail;       // what the actor is drawn as
+    double error_px;          // permitted error of DETAIL_AUTO, pixels
     double presence;          // the actor's opacity, 0..1: fades while the camera's pose is not known
     double avatar_progress;   // progress of building the take's avatar, 0..1
     bool avatar_shown;        // the avatar is drawn, no longer what the sensor saw

@@ -160,6 +160,29 @@ static struct button_group stretch_group(const struct live_counting *counting, c
                                  all ? 1 : 2};
 }
 
+// What the actor is drawn as, with what that costs; the name is that of the one chosen.
+static struct button_group detail_group(const struct view_state *state)
+{
+    static const char *const names[DETAIL_COUNT] = {
+        [DETAIL_PAPER] = "Actor: 2014's cylinders, at once", [DETAIL_PARTS] = "Actor: cylinders, at once",
+        [DETAIL_FUSED] = "Actor: one body, made in seconds", [DETAIL_FULL] = "Actor: each instant, most to load",
+        [DETAIL_AUTO] = "Actor: as fine as can be seen",
+    };
+    static const enum detail order[DETAIL_COUNT] = {DETAIL_AUTO, DETAIL_FULL, DETAIL_FUSED, DETAIL_PARTS, DETAIL_PAPER};
+    static const struct {
+        const char *name, *text;
+    } buttons[DETAIL_COUNT] = {[DETAIL_PAPER] = {"detail-paper", "2014"},
+                               [DETAIL_PARTS] = {"detail-parts", "Parts"},
+                               [DETAIL_FUSED] = {"detail-fused", "Body"},
+                               [DETAIL_FULL] = {"detail-full", "Finest"},
+                               [DETAIL_AUTO] = {"detail-auto", "Auto"}};
+    struct button_group g = {.name = names[state->detail], .count = DETAIL_COUNT};
+    for (int i = 0; i < DETAIL_COUNT; i++)
+        g.controls[i] = (struct control){buttons[order[i]].name, buttons[order[i]].text,
+                                         order[i] == state->detail ? BUTTON_MAIN : BUTTON_RAISED, DO_DETAIL + order[i]};
+    return g;
+}
+
 // What stands after the switches, with its texts.
 struct last_groups {
     struct button_group group[3];
@@ -236,6 +259,8 @@ static void rows_draw(const struct brush *brush, struct screens *screens, struct
     struct last_groups last = {.count = 0};
     if (state->sheet == SHEET_LIVE)
         fill_counting(&last, &state->live.counting);
+    if (state->sheet == SHEET_LAYERS)
+        last.group[last.count++] = detail_group(state);
     const double first_h = group_height(brush, &first, in.w);
     double content_h = sheet_rows_height(count + developer) + first_h;
     for (int i = 0; i < last.count; i++)

@@ -25,7 +25,8 @@ struct avatar_builder {
 
     // Under the worker's lock:
     bool looked; // whether the recording keeps an avatar is known
-    bool begun;  // avatar_builder_begin was called
+    bool begun;  // avatar_builder_begin was called,
+    bool wanted; // and wanted the avatar
     enum avatar_news news;
     struct avatar avatar;
     struct failure failure; // of AVATAR_FULL; OK and NOTHING included
@@ -80,11 +81,11 @@ static void set_looked(struct avatar_builder *builder)
     pthread_mutex_unlock(&builder->worker.lock);
 }
 
-// False: cancelled before it may begin.
-static bool await_begin(struct avatar_builder *builder)
+// Of `begun` or `wanted`. False: cancelled before it may begin.
+static bool await_begin(struct avatar_builder *builder, const bool *flag)
 {
     pthread_mutex_lock(&builder->worker.lock);
-    while (!builder->begun && !builder->worker.closing)
+    while (!*flag && !builder->worker.closing)
         pthread_cond_wait(&builder->worker.changed, &builder->worker.lock);
     const bool begins = !builder->worker.closing;
     pthread_mutex_unlock(&builder->worker.lock);
@@ -107,7 +108,7 @@ static void build_occluders(struct avatar_builder *builder)
     struct take *take = NULL;
     struct place place = {0};
     options.watch = &watch;
-    if (!await_begin(builder) || open_take(builder, &recording, &take) != OK ||
+    if (!await_begin(builder, &builder->begun) || open_take(builder, &recording, &take) != OK ||
         recording_read_place(recording, &place) != OK || occluder_mesh_make(&made, &place, take, &options) != OK)
         made = (struct occluder_mesh){0};
     place_free(&place);
@@ -171,7 +172,7 @@ static enum status build_avatar(struct avatar_builder *builder)
     if (found)
         publish_avatar(builder, AVATAR_FULL, &kept, OK);
     set_looked(builder);
-    if (status == OK && !found && !await_begin(builder))
+    if (status == OK && !found && !await_begin(builder, &builder->wanted))
         status = NOTHING;
     if (status == OK && !found)
         status = source_rays_open(&rays, take_calibration(take));
@@ -241,10 +242,11 @@ void avatar_builder_close(struct avatar_builder **out)
     *out = NULL;
 }
 
-void avatar_builder_begin(struct avatar_builder *builder)
+void avatar_builder_begin(struct avatar_builder *builder, bool avatar_wanted)
 {
     pthread_mutex_lock(&builder->worker.lock);
     builder->begun = true;
+    builder->wanted |= avatar_wanted;
     pthread_cond_broadcast(&builder->worker.changed);
     pthread_mutex_unlock(&builder->worker.lock);
 }

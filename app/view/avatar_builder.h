@@ -19,9 +19,9 @@ MUST_CHECK enum status avatar_builder_start(struct avatar_builder **out, const s
 // Cancels the work and waits until its threads have ended, a small part of a second. NULL is fine; sets *p = NULL.
 void avatar_builder_close(struct avatar_builder **p);
 
-// Begins to make what is not there. Until then only the kept avatar is read, so that the first picture has the
-// processor for itself.
-void avatar_builder_begin(struct avatar_builder *builder);
+// Begins to make what is not there: the room's mesh and, if it is wanted, the avatar; that may be said later. Until then
+// only the kept avatar is read, so that the first picture has the processor for itself.
+void avatar_builder_begin(struct avatar_builder *builder, bool avatar_wanted);
 
 double
 avatar_builder_progress(const struct avatar_builder *builder); // share of the full avatar's work that is done, 0..1

@@ -25,6 +25,8 @@ struct take_view {
     bool drawn;                      // the actor was, once
     bool stood_in;                   // what the sensor saw, for the body; until it is not asked for any more
     bool outdated;                   // another avatar or room was set since the last drawing
+    enum detail detail;              // asked for
+    enum detail level;               // drawn last
     struct frame_prefetch *prefetch; // NULL: the renderer has no avatar yet
     int64_t next[PREFETCH_MAX];      // frames predicted to be shown
     int next_count;
@@ -173,9 +175,9 @@ bool take_view_request_equal(const struct take_view_request *a, const struct tak
     return lens_equal(&a->lens, &b->lens) && pose_equal(&a->world_from_camera, &b->world_from_camera) &&
            a->time_ns == b->time_ns && a->playing == b->playing && a->loop == b->loop && p->x_m == q->x_m &&
            p->y_m == q->y_m && p->yaw_rad == q->yaw_rad && p->mirrored == q->mirrored &&
-           a->resolution_scale == b->resolution_scale && a->error_px == b->error_px && a->sources == b->sources &&
-           a->inset == b->inset && a->camera_lost == b->camera_lost && a->in_room == b->in_room &&
-           a->sensor == b->sensor && a->overlay == b->overlay && a->camera == b->camera &&
+           a->resolution_scale == b->resolution_scale && a->detail == b->detail && a->error_px == b->error_px &&
+           a->sources == b->sources && a->inset == b->inset && a->camera_lost == b->camera_lost &&
+           a->in_room == b->in_room && a->sensor == b->sensor && a->overlay == b->overlay && a->camera == b->camera &&
            a->camera_number == b->camera_number;
 }
 
@@ -355,7 +357,8 @@ static enum status ensure_renderer(struct take_view *view, const struct lens *le
 
 double take_view_progress(const struct take_view *view)
 {
-    return view->builder && !view->has_full ? avatar_builder_progress(view->builder) : 1;
+    const bool awaited = view->builder && !view->has_full && detail_needs_avatar(view->detail);
+    return awaited ? avatar_builder_progress(view->builder) : 1;
 }
 
 bool take_view_waiting(const struct take_view *view) { return view->substituted; }
@@ -369,8 +372,12 @@ bool take_view_final(const struct take_view *view)
     return !view->renderer || (renderer_upload_done(view->renderer) && !better && !view->outdated);
 }
 
-// Nothing whole can be drawn: not yet, or, once the full avatar should be there, never.
-static bool lacks_body(const struct take_view *view) { return !(view->renderer && renderer_avatar(view->renderer)); }
+// Nothing whole can be drawn: not yet, or, once the full avatar should be there, never. Who asks for cylinders gets
+// them.
+static bool lacks_body(const struct take_view *view)
+{
+    return detail_needs_avatar(view->detail) && !(view->renderer && renderer_avatar(view->renderer));
+}
 
 // The prefetch works with the avatar before, so it ends first. The upload of a few megabytes is a hitch of some
 // milliseconds; in steps it would show cylinders for many images, also between the simple avatar and the full one.
@@ -505,8 +512,8 @@ enum status take_view_read_seen(struct take_view *view, float share[OVERLAY_GROU
 void take_view_presented(struct take_view *view)
 {
     if (view->builder && view->drawn)
-        avatar_builder_begin(view->builder);
-    if (view->prefetch)
+        avatar_builder_begin(view->builder, detail_needs_avatar(view->detail));
+    if (view->prefetch && view->level == DETAIL_FULL)
         prefetch_request(view->prefetch, view->next, view->next_count);
 }
 
@@ -552,8 +559,12 @@ static enum status draw_actor(struct take_view *take_view, const struct take_vie
         return status;
     renderer_set_resolution_scale(take_view->renderer, request->resolution_scale);
     renderer_set_sources(take_view->renderer, request->sources);
+    renderer_set_detail(take_view->renderer, request->detail);
     renderer_set_error(take_view->renderer, request->error_px);
-    status = frame >= 0 ? use_prefetched(take_view, request, frame, view.within_ns) : OK;
+    const bool layered = request->detail == DETAIL_FULL || take_view->level == DETAIL_FULL;
+    status = frame >= 0 && layered && request->detail >= DETAIL_FULL
+                 ? use_prefetched(take_view, request, frame, view.within_ns)
+                 : OK;
     if (status == OK)
         status = renderer_draw(take_view->renderer, &view, &result);
     if (status != OK)
@@ -562,7 +573,8 @@ static enum status draw_actor(struct take_view *take_view, const struct take_vie
     out->actor = renderer_actor_texture(take_view->renderer);
     out->shadow = renderer_shadow_texture(take_view->renderer);
     out->overlay = renderer_overlay_texture(take_view->renderer);
-    out->prepared = result.level != DETAIL_PAPER;
+    out->level = take_view->level = result.level;
+    out->prepared = detail_needs_avatar(result.level);
     out->full = out->prepared && take_view->has_full;
     out->actor_part = part_within(&result, request->placement.mirrored);
     out->flip_x = request->placement.mirrored;
@@ -585,6 +597,7 @@ enum status take_view_draw(struct take_view *view, const struct take_view_reques
     struct track_sample sample;
     bool has_skeleton = skeleton_track_at(view->track, request->time_ns, true, &sample) == OK;
     view->substituted = view->outdated = false;
+    view->detail = request->detail;
     if (!request->camera_lost)
         set_body(view, out);
     if (has_skeleton)

@@ -10,6 +10,7 @@
 #pragma once
 #include "app/state/orbit.h"
 #include "app/state/view_state.h"
+#include "base/level_of_detail.h"
 #include "platform/screen/gpu.h"
 #include "platform/screen/ui.h"
 #include "recording/recording.h"
@@ -25,7 +26,7 @@ struct take_view_options {
 // The take can be drawn immediately: with the avatar that the recording keeps; or without the actor, but with what the
 // sensor saw, until, after the first take_view_presented, a simple avatar and then the full one were built in the
 // background. Where no avatar can be made, what the sensor saw is all there is: DETAIL_PAPER and _PARTS have gaps
-// between the parts. Errors: as recording_open, take_open and skeleton_track_open; *out is then NULL.
+// between the parts. They are drawn where they are asked for, and no avatar is made then. Errors: as recording_open, take_open and skeleton_track_open; *out is then NULL.
 MUST_CHECK enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct take_view_options *options);
 void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; cancels background work
 
@@ -50,7 +51,8 @@ struct take_view_request {
     bool playing, loop; // for predicting the next frames
     struct placement placement;
     double resolution_scale;          // (0, 1]: share of the image's pixels per axis at which the actor is drawn
-    double error_px;                  // allowed error of the level of detail
+    enum detail detail;               // what the actor is drawn as
+    double error_px;                  // allowed error of DETAIL_AUTO
     bool sources, inset;              // draw them, too
     bool camera_lost;                 // the camera is not localised: the actor is not drawn
     bool in_room;                     // an orbit in which the room hides the actor, where it faces the viewpoint
@@ -83,8 +85,9 @@ struct take_view_image {
     const struct gpu_texture
         *sensor; // the sensor's colour image while `making` or `bodiless`, and after it while it is asked for; NULL
     double sensor_aspect;              // its width divided by its height
-    bool prepared;                     // `actor` is better than DETAIL_PAPER
+    bool prepared;                     // `actor` is an avatar
     bool full;                         // and as good as it gets: the take's full avatar
+    enum detail level;                 // `actor` was drawn at
     const struct gpu_texture *sources; // where each pixel is from, premultiplied, to be drawn over the actor; NULL
     const struct gpu_texture *inset;   // the sensor's colour image at that instant; NULL
     double inset_aspect;               // its width divided by its height

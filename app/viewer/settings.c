@@ -13,14 +13,16 @@ enum { SETTINGS_BYTES = 512 };
 
 struct settings settings_of(const struct view_state *state)
 {
-    return (struct settings){state->dark,       state->skeleton,      state->inset,     state->room.filmed,
-                             state->room.names, state->playback.loop, state->text_size, state->playback.speed};
+    return (struct settings){state->dark,        state->skeleton,       state->inset,
+                             state->room.filmed, state->room.names,     state->playback.loop,
+                             state->text_size,   state->playback.speed, state->detail};
 }
 
 bool settings_equal(const struct settings *a, const struct settings *b)
 {
     return a->dark == b->dark && a->skeleton == b->skeleton && a->inset == b->inset && a->filmed == b->filmed &&
-           a->names == b->names && a->loop == b->loop && a->text_size == b->text_size && a->speed == b->speed;
+           a->names == b->names && a->loop == b->loop && a->text_size == b->text_size && a->speed == b->speed &&
+           a->detail == b->detail;
 }
 
 void settings_apply(const struct settings *settings, struct view_state *state, int64_t now_ns)
@@ -31,6 +33,7 @@ void settings_apply(const struct settings *settings, struct view_state *state, i
     state->room.filmed = settings->filmed;
     state->room.names = settings->names;
     state->text_size = settings->text_size;
+    state->detail = settings->detail;
     playback_set_loop(&state->playback, now_ns, settings->loop);
     playback_set_speed(&state->playback, now_ns, settings->speed);
     state->changed = true;
@@ -40,9 +43,9 @@ void settings_apply(const struct settings *settings, struct view_state *state, i
 static int settings_write(const struct settings *settings, char out[SETTINGS_BYTES])
 {
     return snprintf(out, SETTINGS_BYTES,
-                    "dark %d\nskeleton %d\ninset %d\nfilmed %d\nnames %d\nloop %d\ntext %.2f\nspeed %.2f\n",
+                    "dark %d\nskeleton %d\ninset %d\nfilmed %d\nnames %d\nloop %d\ntext %.2f\nspeed %.2f\ndetail %s\n",
                     settings->dark, settings->skeleton, settings->inset, settings->filmed, settings->names,
-                    settings->loop, settings->text_size, settings->speed);
+                    settings->loop, settings->text_size, settings->speed, detail_names[settings->detail]);
 }
 
 // One of those values, and nothing else.
@@ -55,6 +58,16 @@ static bool read_choice(const char *text, const double *choices, int count, doub
     for (int i = 0; i < count; i++)
         if (fabs(value - choices[i]) < 1e-6) {
             *out = choices[i];
+            return true;
+        }
+    return false;
+}
+
+static bool read_detail(const char *text, enum detail *out)
+{
+    for (int i = 0; i < DETAIL_COUNT; i++)
+        if (!strcmp(text, detail_names[i])) {
+            *out = (enum detail)i;
             return true;
         }
     return false;
@@ -77,6 +90,8 @@ static bool read_line(struct settings *settings, char *line)
         return read_choice(value, view_text_sizes, VIEW_TEXT_SIZES, &settings->text_size);
     if (!strcmp(line, "speed"))
         return read_choice(value, view_speeds, VIEW_SPEEDS, &settings->speed);
+    if (!strcmp(line, "detail"))
+        return read_detail(value, &settings->detail);
     for (size_t i = 0; i < COUNT_OF(names); i++)
         if (!strcmp(line, names[i].name) && read_choice(value, switches, 2, &number)) {
             *names[i].value = number > 0;

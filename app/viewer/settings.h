@@ -1,5 +1,6 @@
-// What the user chose and finds again: colours, size of the text, speed, and what is shown. Lines "name value" in a
-// small file of the user's; never in a recording. What such a line says wrongly is left out, and the others hold.
+// What the user chose and finds again: colours, size of the text, speed, what is shown, and what the actor is drawn as.
+// Lines "name value" in a small file of the user's; never in a recording. What such a line says wrongly is left out,
+// and the others hold.
 #pragma once
 #include "app/state/view_state.h"
 
@@ -8,6 +9,7 @@
 struct settings {
     bool dark, skeleton, inset, filmed, names, loop;
     double text_size, speed;
+    enum detail detail;
 };
 
 struct settings settings_of(const struct view_state *state);

@@ -83,6 +83,8 @@ static void read_settings(struct viewer *viewer, int64_t now_ns)
     struct settings settings = settings_of(&viewer->shared.state);
     settings_keeper_open(&viewer->settings, viewer->shared.options.settings, &settings, viewer->shared.options.light,
                          viewer->shared.options.text_size);
+    if (viewer->shared.options.detail_given)
+        settings.detail = viewer->settings.kept.detail = viewer->shared.options.detail;
     settings_apply(&settings, &viewer->shared.state, now_ns);
 }
 
@@ -388,6 +390,7 @@ static struct take_view_request make_request(struct viewer *viewer, const struct
         .loop = s->playback.loop,
         .placement = s->placement,
         .resolution_scale = viewer->shared.options.fixed_resolution ? 1 : governor_scale(&viewer->governor),
+        .detail = s->detail,
         .error_px = s->error_px,
         .sources = s->sources,
         .inset = s->inset,
@@ -714,6 +717,8 @@ struct viewer_options viewer_options_again(const struct viewer *viewer)
         again.take = viewer->shared.takes.cards[s->take].name;
     again.light = !s->dark;
     again.text_size = s->text_size;
+    again.detail_given = true;
+    again.detail = s->detail;
     again.mirrored = again.sensor ? s->live.mirrored : s->placement.mirrored;
     again.fullscreen = s->fullscreen;
     return again;

@@ -2,6 +2,7 @@
 //
 // One thread, the GPU's. The camera feed, the avatar builder and the judge of takes have threads of their own.
 #pragma once
+#include "base/level_of_detail.h"
 #include "base/status.h"
 
 #include <stdbool.h>
@@ -25,7 +26,9 @@ struct viewer_options {
     bool every_frame;    // a film as sensor leaves nothing out, however slow the machine
     const char *photos;  // folder for screenshots; NULL: the user's pictures
     bool light, developer, fullscreen;
-    double text_size;     // of view_text_sizes; 0: 1
+    double text_size;  // of view_text_sizes; 0: 1
+    bool detail_given; // the actor is drawn as `detail`; else as the user chose last
+    enum detail detail;
     const char *settings; // file in which the user's choices are kept; NULL: they are not
     bool mirrored;        // the actor is shown left and right exchanged from the start, and with a sensor judged by so
     bool offer_trim;      // the take's ends can be cut off: viewer_wishes.trim

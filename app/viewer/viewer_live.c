@@ -564,6 +564,7 @@ void viewer_live_request(struct viewer_live *live, const struct viewer_surface *
     *request = (struct take_view_request){.lens = lens,
                                           .world_from_camera = orbit_world_from_camera(&orbit),
                                           .resolution_scale = request->resolution_scale,
+                                          .detail = live->shared->state.detail,
                                           .error_px = live->shared->state.error_px};
 }
 

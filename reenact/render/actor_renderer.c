@@ -17,6 +17,7 @@ struct renderer {
     struct lens lens, drawn; // the viewer camera's; the same at `resolution_scale`, which is drawn with
     double resolution_scale; // per axis
     enum detail detail;
+    bool may_draw_avatar;                 // opened for a level that needs one
     struct take_skeletons *own_skeletons; // NULL: the options gave them
     const struct take_skeletons *skeletons;
     struct skeleton_track *motion;
@@ -27,14 +28,14 @@ struct renderer {
     struct gpu_program *compose_program;
     struct gpu_mesh *fullscreen; // one triangle over the whole target
     struct gpu_texture *camera;
-    struct gpu_target *paper, *full, *composed; // actor at DETAIL_PAPER, at DETAIL_FULL, composed image
-    struct gpu_target *actor;                   // `paper` or `full`, whichever was drawn last
-    struct gpu_target *room_depth;              // occluder mesh's depth for DETAIL_FULL; NULL: no room
-    bool room_drawn;                            // it is not empty
-    struct gpu_target *shadow;                  // NULL: not wanted
-    struct gpu_texture *no_shadow;              // one transparent pixel
-    bool shaded;                                // the image last drawn has a shadow
-    struct depth_overlay *overlay;              // NULL: none was drawn yet, as the following
+    struct gpu_target *actor, *composed; // the actor alone, the composed image
+    struct gpu_target *room_depth;       // occluder mesh's depth that hides an avatar; NULL: no room
+    bool avatar_drawn;                   // in `actor`; else cylinders, which the room hides by the target's own depth
+    bool room_drawn;                     // the room's depth is not empty
+    struct gpu_target *shadow;           // NULL: not wanted
+    struct gpu_texture *no_shadow;       // one transparent pixel
+    bool shaded;                         // the image last drawn has a shadow
+    struct depth_overlay *overlay;       // NULL: none was drawn yet, as the following
     struct gpu_target *strokes;
     bool stroked;              // the image last drawn has strokes
     struct gpu_target *source; // as renderer_read_source; NULL: not wanted
@@ -99,17 +100,14 @@ static enum status actor_targets_open(struct renderer *renderer, bool sources, b
     int w = renderer->lens.width, h = renderer->lens.height;
     enum status status = gpu_texture_open(&renderer->camera, renderer->gpu,
                                           &(struct gpu_texture_layout){GPU_RGB8, w, h, GPU_NEAREST}, NULL);
-    if (status == OK && (renderer->detail != DETAIL_FULL || renderer->avatar_later))
-        status = gpu_target_open_comparable(&renderer->paper, renderer->gpu, w, h);
-    if (status == OK && renderer->detail != DETAIL_PAPER)
-        status = gpu_target_open_comparable(&renderer->full, renderer->gpu, w, h);
+    if (status == OK)
+        status = gpu_target_open_comparable(&renderer->actor, renderer->gpu, w, h);
     if (status == OK)
         status = gpu_target_open_color(&renderer->composed, renderer->gpu, w, h);
     if (status == OK && sources)
         status = gpu_target_open(&renderer->source, renderer->gpu, w, h);
     if (status == OK && shadow)
         status = gpu_target_open(&renderer->shadow, renderer->gpu, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
-    renderer->actor = renderer->paper ? renderer->paper : renderer->full;
     renderer->writes_source = sources;
     return status;
 }
@@ -123,8 +121,7 @@ static enum status actor_targets_open_room_depth(struct renderer *renderer)
 static void actor_targets_close(struct renderer *renderer)
 {
     gpu_target_close(&renderer->room_depth);
-    gpu_target_close(&renderer->paper);
-    gpu_target_close(&renderer->full);
+    gpu_target_close(&renderer->actor);
     gpu_target_close(&renderer->composed);
     gpu_target_close(&renderer->strokes);
     gpu_target_close(&renderer->source);
@@ -135,8 +132,7 @@ static void actor_targets_close(struct renderer *renderer)
 // Where the room's depth is drawn that hides renderer->actor: into renderer->room_depth, or into its own.
 static struct gpu_target *actor_targets_room(const struct renderer *renderer)
 {
-    return renderer->actor == renderer->full && renderer->avatar && renderer->room_depth ? renderer->room_depth
-                                                                                         : renderer->actor;
+    return renderer->avatar_drawn && renderer->room_depth ? renderer->room_depth : renderer->actor;
 }
 
 static void resize_target(struct gpu_target *target, int width, int height)
@@ -152,8 +148,7 @@ static void actor_targets_apply_scale(struct renderer *renderer)
     renderer->drawn = lens_resized(&renderer->lens, renderer->resolution_scale);
     const int w = renderer->drawn.width, h = renderer->drawn.height;
     set_view_lens(renderer);
-    resize_target(renderer->paper, w, h);
-    resize_target(renderer->full, w, h);
+    resize_target(renderer->actor, w, h);
     resize_target(renderer->source, w, h);
     resize_target(renderer->strokes, w, h);
     resize_target(renderer->room_depth, ROOM_SUPERSAMPLING * w, ROOM_SUPERSAMPLING * h);
@@ -388,7 +383,7 @@ enum status renderer_set_room(struct renderer *renderer, struct occluder_mesh *r
 {
     const bool any = room->corner_count > 0;
     enum status status = occlusion_shadow_set_room(renderer->occlusion, room);
-    if (status == OK && any && renderer->full && !renderer->room_depth)
+    if (status == OK && any && renderer->may_draw_avatar && !renderer->room_depth)
         status = actor_targets_open_room_depth(renderer);
     actor_targets_apply_scale(renderer);
     return status;
@@ -402,7 +397,7 @@ bool renderer_upload_done(const struct renderer *renderer)
 static enum status open_avatar(struct renderer *renderer, const struct renderer_options *options)
 {
     const struct calibration *c = take_calibration(renderer->take);
-    if (renderer->detail == DETAIL_PAPER || !(c->depth.width > 0))
+    if (!renderer->may_draw_avatar || !(c->depth.width > 0))
         return OK;
     enum status status = source_rays_open(&renderer->rays, c);
     const struct frame_source source = {renderer->take, renderer->skeletons, renderer->rays};
@@ -449,12 +444,13 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
     p->detail = options->detail;
     p->error_px = options->error_px;
     p->cylinder_error_m = TYPICAL_CYLINDER_ERROR_M;
-    p->avatar_later = options->avatar_later && options->detail != DETAIL_PAPER;
+    p->may_draw_avatar = detail_needs_avatar(options->detail);
+    p->avatar_later = options->avatar_later && p->may_draw_avatar;
     status = options->skeletons ? OK : take_skeletons_open(&p->own_skeletons, take);
     p->skeletons = options->skeletons ? options->skeletons : p->own_skeletons;
     if (status == OK)
         status = skeleton_track_open(&p->motion, take, p->skeletons);
-    const size_t bytes = options->texture_bytes / (p->detail == DETAIL_PAPER ? 1 : 2);
+    const size_t bytes = options->texture_bytes / (p->may_draw_avatar ? 2 : 1);
     if (status == OK)
         status = cylinder_renderer_open(&p->cylinders, gpu, take, bytes, p->avatar_later ? FRAMES_FIRST : 0);
     if (status == OK)
@@ -542,7 +538,7 @@ static enum status upload_more(struct renderer *renderer)
         return OK;
     bool done;
     enum status status =
-        avatar_renderer_warm_up(renderer->avatar, renderer->full,
+        avatar_renderer_warm_up(renderer->avatar, renderer->actor,
                                 renderer->room_depth ? gpu_target_texture(renderer->room_depth) : NULL, &done);
     if (status == OK && done && renderer->room_depth)
         occlusion_shadow_warm_up(renderer->occlusion, renderer->room_depth);
@@ -557,17 +553,20 @@ static enum status choose_level(struct renderer *renderer, struct draw_state *st
     if (status != OK)
         return status;
     double px_per_m = lod_pixels_per_metre(&renderer->drawn, &state->in_viewer);
-    double full_m = renderer->avatar ? lod_full_error_m() : renderer->cylinder_error_m;
-    result->level = renderer->upload_pending ? DETAIL_PAPER : renderer->detail;
-    result->error_px = px_per_m * full_m;
-    if (result->level == DETAIL_FULL)
+    const enum detail best = renderer->avatar ? DETAIL_FULL : DETAIL_PARTS; // of those that can be drawn
+    result->level = renderer->upload_pending && detail_needs_avatar(renderer->detail) ? DETAIL_PAPER : renderer->detail;
+    if (result->level < DETAIL_AUTO && result->level > best)
+        result->level = best;
+    const bool body = result->level == DETAIL_FUSED || best == DETAIL_FULL;
+    result->error_px = px_per_m * (body ? lod_full_error_m() : renderer->cylinder_error_m);
+    if (result->level != DETAIL_PAPER && result->level != DETAIL_AUTO)
         return OK;
     status = cylinder_renderer_select(renderer->cylinders, &state->in_viewer, &state->whole);
     double paper_px = px_per_m * lod_paper_error_m(renderer->cylinder_error_m, state->whole.cost_m);
     if (status < 0)
         return status;
     if (result->level == DETAIL_AUTO)
-        result->level = status == OK && paper_px <= renderer->error_px ? DETAIL_PAPER : DETAIL_FULL;
+        result->level = status == OK && paper_px <= renderer->error_px ? DETAIL_PAPER : best;
     if (result->level == DETAIL_PAPER)
         result->error_px = paper_px;
     return OK;
@@ -581,12 +580,36 @@ static enum status draw_cylinders(struct renderer *renderer, const struct draw_s
     return cylinder_renderer_draw(renderer->cylinders, &view, parts);
 }
 
-// At DETAIL_PAPER, into renderer->paper.
-static enum status draw_paper(struct renderer *renderer, struct draw_state *state, int *parts)
+// At DETAIL_PAPER.
+static enum status draw_paper(struct renderer *renderer, struct draw_state *state, struct renderer_result *result)
 {
-    renderer->actor = renderer->paper;
     enum status status = cylinder_renderer_select(renderer->cylinders, &state->in_viewer, &state->whole);
-    return status == OK ? draw_cylinders(renderer, state, &state->whole, parts) : status;
+    if (status == OK)
+        status = draw_cylinders(renderer, state, &state->whole, &result->parts);
+    if (status >= 0)
+        result->source = status == OK ? state->whole.frame : -1;
+    return status;
+}
+
+// At DETAIL_FUSED or DETAIL_FULL.
+static enum status draw_avatar(struct renderer *renderer, const struct renderer_view *view,
+                               const struct track_sample *moment, struct renderer_result *result)
+{
+    const bool fused = result->level == DETAIL_FUSED;
+    const int64_t resident =
+        fused ? -1 : avatar_renderer_nearest_resident(renderer->avatar, moment->frame, view->within_ns);
+    const struct avatar_view shown = {
+        .frame = resident < 0 ? moment->frame : resident,
+        .fused = fused,
+        .skeleton = moment->skeleton,
+        .world_from_viewer = view->world_from_camera,
+        .actor = renderer->actor,
+        .source = renderer->writes_source ? renderer->source : NULL,
+        .room = renderer->room_drawn && renderer->room_depth ? gpu_target_texture(renderer->room_depth) : NULL};
+    int parts;
+    const enum status status = avatar_renderer_draw(renderer->avatar, &shown, &parts, &result->within);
+    result->parts = status == OK ? parts : 0;
+    return status;
 }
 
 static enum status draw_actor(struct renderer *renderer, const struct renderer_view *view,
@@ -606,30 +629,12 @@ static enum status draw_actor(struct renderer *renderer, const struct renderer_v
     if (status != OK)
         return status;
     draw_shadow(renderer, view, &moment.skeleton);
-    if (result->level == DETAIL_PAPER) {
-        renderer->actor = renderer->paper;
-        begin_target(renderer, view, &state);
-        status = draw_paper(renderer, &state, &result->parts);
-        if (status >= 0)
-            result->source = status == OK ? state.whole.frame : -1;
-        return status;
-    }
-    renderer->actor = renderer->full;
+    renderer->avatar_drawn = detail_needs_avatar(result->level);
     begin_target(renderer, view, &state);
-    if (!renderer->avatar)
-        return draw_cylinders(renderer, &state, NULL, &result->parts);
-    const int64_t resident = avatar_renderer_nearest_resident(renderer->avatar, moment.frame, view->within_ns);
-    struct avatar_view shown = {resident < 0 ? moment.frame : resident,
-                                moment.skeleton,
-                                view->world_from_camera,
-                                renderer->actor,
-                                renderer->writes_source ? renderer->source : NULL,
-                                renderer->room_drawn && renderer->room_depth ? gpu_target_texture(renderer->room_depth)
-                                                                             : NULL};
-    int parts;
-    status = avatar_renderer_draw(renderer->avatar, &shown, &parts, &result->within);
-    result->parts = status == OK ? parts : 0;
-    return status;
+    if (renderer->avatar_drawn)
+        return draw_avatar(renderer, view, &moment, result);
+    return result->level == DETAIL_PAPER ? draw_paper(renderer, &state, result)
+                                         : draw_cylinders(renderer, &state, NULL, &result->parts);
 }
 
 // ---------------------------------------------------------------- images
@@ -670,6 +675,12 @@ enum status renderer_draw(struct renderer *renderer, const struct renderer_view 
     if (status < 0)
         return status;
     return view->color ? compose_image(renderer, view->color) : gpu_check(renderer->gpu);
+}
+
+void renderer_set_detail(struct renderer *renderer, enum detail detail)
+{
+    assert(renderer->may_draw_avatar || !detail_needs_avatar(detail));
+    renderer->detail = detail;
 }
 
 void renderer_set_error(struct renderer *renderer, double error_px) { renderer->error_px = error_px; }

@@ -1,16 +1,17 @@
 // Draws the recorded actor into a viewer camera's image, after [D14] 4.2: interpolates and
 // transforms the skeleton to the viewer camera, draws the level of detail asked for
-// (body cylinders, or the avatar), and composes it with the image; lens distortion included.
+// (base/level_of_detail.h), and composes it with the image; lens distortion included.
 // What an app needs beyond this, which draws continuously, follows below.
 //
 // Pure but for the GPU and the take: no clock; an image does not depend on those drawn
 // before, unless view.within_ns allows it. One renderer, one thread: that of the GPU context.
 //
 // GPU memory is bounded, however long the take: options.texture_bytes for recorded frames
-// (beyond DETAIL_PAPER half for frame layers, half for cylinder textures), 8 bytes a pixel of
-// the take's images for the shown frame, 46 bytes a pixel of the viewer's (with all options),
+// (with an avatar half for frame layers, half for cylinder textures), 8 bytes a pixel of
+// the take's images for the shown frame, 38 bytes a pixel of the viewer's (with all options),
 // and 16 MiB for meshes and the avatar's texture.
 #pragma once
+#include "base/level_of_detail.h"
 #include "platform/screen/gpu.h"
 #include "recording/recording.h"
 #include "reenact/avatar/avatar.h"
@@ -35,19 +36,11 @@ double lod_full_error_m(void); // of the avatar
 
 // ---------------------------------------------------------------- actor renderer
 
-enum detail {
-    DETAIL_PAPER, // [D14] to the letter, the yardstick: one source frame for the whole body
-                  // (eq. 5), its unmodified colours, open cylinders
-    DETAIL_FULL,  // the avatar with the shown frame's layer, antialiased silhouette, interpolated skeleton; without an
-                  // avatar rounded cylinders with a source frame for each part
-    DETAIL_AUTO,  // DETAIL_PAPER where its predicted error is at most options.error_px, else DETAIL_FULL
-};
-
 struct renderer;
 
 struct renderer_options {
     const struct take_skeletons *skeletons; // of the take, borrowed. Default NULL: the renderer makes its own
-    enum detail detail;                     // default DETAIL_FULL
+    enum detail detail;                     // default DETAIL_FULL; renderer_set_detail changes it
     size_t texture_bytes;                   // of recorded frames on the GPU; at least one is kept. Default 64 MiB
     double error_px;                        // predicted error that DETAIL_AUTO accepts, pixels. Default 1
     bool sources;                           // renderer_read_source will be called. Default no
@@ -85,12 +78,12 @@ struct renderer_view {
 };
 
 struct renderer_result {
-    enum detail level;     // drawn: DETAIL_PAPER or DETAIL_FULL
+    enum detail level;     // drawn: below DETAIL_AUTO. DETAIL_PARTS where there is no avatar to draw
     int64_t shown;         // the recorded frame whose instant is shown; -1: none
     int64_t source;        // at DETAIL_PAPER: the source frame; else -1
     int parts;             // number of body parts drawn
     int width, height;     // of the actor's image, pixels: the lens's, or less (renderer_set_resolution_scale)
-    struct gpu_box within; // in that image: nothing of DETAIL_FULL was drawn outside
+    struct gpu_box within; // in that image: nothing of an avatar was drawn outside; empty for cylinders
     double error_px;       // predicted, of the level drawn
 };
 
@@ -124,8 +117,8 @@ MUST_CHECK enum status renderer_read_source(struct renderer *renderer, uint8_t *
 
 // Sets the avatar that options.avatar_later announced, made by avatar_make from another handle on
 // the same take, on any thread. It is uploaded in steps with the next images; until all is uploaded,
-// every level is drawn as DETAIL_PAPER. NULL: there is none; DETAIL_FULL is then drawn as rounded
-// cylinders. Takes over its contents and zeroes *avatar, also on failure. ERR_INPUT: too many
+// every level that needs it is drawn as DETAIL_PAPER. NULL: there is none; these levels are then drawn as
+// DETAIL_PARTS. Takes over its contents and zeroes *avatar, also on failure. ERR_INPUT: too many
 // vertices. ERR_DEVICE, ERR_MEMORY. After a failure there is no avatar.
 MUST_CHECK enum status renderer_set_avatar(struct renderer *renderer, struct avatar *avatar);
 
@@ -170,6 +163,9 @@ MUST_CHECK enum status renderer_set_lens(struct renderer *renderer, const struct
 
 // With options.sources: whether the next images write their sources, which costs time. Initially true.
 void renderer_set_sources(struct renderer *renderer, bool wanted);
+
+// Sets the level of the next images. Any, where options.detail was one that needs an avatar; else one that needs none.
+void renderer_set_detail(struct renderer *renderer, enum detail detail);
 
 // Sets the predicted error that DETAIL_AUTO accepts, pixels.
 void renderer_set_error(struct renderer *renderer, double error_px);

@@ -18,7 +18,7 @@
 
 // A struct frame_layer with its images as textures.
 struct gpu_frame_layer {
-    struct gpu_texture *color, *depth;
+    struct gpu_texture *color, *depth; // color NULL: none of the triangles is visible
     struct bone_corrections corrections;
     float (*shift)[3];
     struct frame_layer_point *points;
@@ -501,6 +501,13 @@ struct shown_mesh {
     int vertex_count;
 };
 
+// What stands for a frame layer where none is drawn: no deformation, nothing seen by the frame. Its points are filled
+// for each image.
+struct fused_layer {
+    struct gpu_frame_layer layer;
+    struct gpu_texture *no_depth; // agrees with nothing
+};
+
 struct avatar_renderer {
     struct gpu *gpu;
     struct take *take;
@@ -511,6 +518,7 @@ struct avatar_renderer {
     struct shown_mesh shown;
     struct silhouette_edges *silhouette;
     struct frame_layer_cache *frames;
+    struct fused_layer fused;
     int warmed_up; // combinations of program and state drawn so far
 };
 
@@ -520,6 +528,32 @@ static void set_uniform(struct avatar_renderer *renderer, enum uniform uniform, 
 {
     for (int i = 0; i < PROGRAMS; i++)
         gpu_program_set(renderer->programs[i], (int)uniform, vec4s, count);
+}
+
+static void close_fused(struct fused_layer *fused)
+{
+    gpu_texture_close(&fused->no_depth);
+    free(fused->layer.shift);
+    free(fused->layer.points);
+    free(fused->layer.triangle_visible);
+    *fused = (struct fused_layer){0};
+}
+
+static enum status open_fused(struct avatar_renderer *renderer)
+{
+    enum { SIDE = 3 }; // no power of two (frame_layer.c)
+    static const uint8_t nothing[4 * SIDE * SIDE];
+    const struct uv_mesh *m = &renderer->avatar.atlas.mesh;
+    struct gpu_frame_layer *layer = &renderer->fused.layer;
+    layer->shift = calloc((size_t)m->point_count, sizeof *layer->shift);
+    layer->points = calloc((size_t)m->point_count, sizeof *layer->points);
+    layer->triangle_visible = calloc((size_t)m->corner_count / 3, sizeof *layer->triangle_visible);
+    if (!layer->shift || !layer->points || !layer->triangle_visible)
+        return fail(ERR_MEMORY, "no memory for the avatar's renderer");
+    const struct gpu_texture_layout layout = {GPU_RGBA8, SIDE, SIDE, GPU_NEAREST};
+    const enum status status = gpu_texture_open(&renderer->fused.no_depth, renderer->gpu, &layout, nothing);
+    layer->depth = renderer->fused.no_depth;
+    return status;
 }
 
 static void drop_avatar(struct avatar_renderer *renderer)
@@ -534,6 +568,7 @@ static void drop_avatar(struct avatar_renderer *renderer)
     free(renderer->shown.number);
     renderer->shown = (struct shown_mesh){0};
     silhouette_edges_close(&renderer->silhouette);
+    close_fused(&renderer->fused);
     avatar_free(&renderer->avatar);
     if (renderer->frames)
         frame_layer_cache_clear(renderer->frames);
@@ -573,6 +608,8 @@ enum status avatar_renderer_set_avatar(struct avatar_renderer *renderer, struct 
     renderer->avatar = *avatar;
     *avatar = (struct avatar){0};
     enum status status = open_atlas_textures(renderer);
+    if (status == OK)
+        status = open_fused(renderer);
     if (status != OK)
         drop_avatar(renderer);
     return status;
@@ -805,6 +842,45 @@ enum status avatar_renderer_warm_up(struct avatar_renderer *renderer, struct gpu
     return status == OK ? gpu_check(renderer->gpu) : status;
 }
 
+// Normals and irradiance of the points, of an avatar without a frame layer. transforms: world axes; camera: of the
+// frame, whose axes normals are in.
+static void fill_fused(struct avatar_renderer *renderer, const struct bone_transforms *transforms, struct quat camera)
+{
+    const struct texture_atlas *atlas = &renderer->avatar.atlas;
+    const struct quat camera_from_world = quat_conjugate(camera);
+    for (int i = 0; i < atlas->mesh.point_count; i++) {
+        struct frame_layer_point *to = &renderer->fused.layer.points[i];
+        struct vec3 point, normal;
+        linear_blend_skin(&renderer->avatar.skins[atlas->mesh.points[i]], transforms, atlas->points[i],
+                          atlas->normals[i], &point, &normal);
+        const struct vec3 n = quat_rotate(camera_from_world, normal);
+        to->normal[0] = (float)n.x, to->normal[1] = (float)n.y, to->normal[2] = (float)n.z;
+        to->irradiance = sqrtf(sh_irradiance_at(&renderer->avatar.vertex_colors.irradiance,
+                                                (const float[3]){(float)normal.x, (float)normal.y, (float)normal.z}));
+    }
+}
+
+// The layer to draw, and the bones' transforms with its corrections, world axes. NOTHING: the frame's pose is unknown.
+static enum status find_layer_shown(struct avatar_renderer *renderer, const struct avatar_view *view,
+                                    const struct gpu_frame_layer **out, struct bone_transforms *shown)
+{
+    enum status status = bone_transforms_of(&renderer->avatar.bind_pose, &view->skeleton, shown);
+    if (status != OK)
+        return status;
+    if (view->fused) {
+        renderer->fused.layer.corrections = avatar_corrections(&renderer->avatar, view->frame);
+        *out = &renderer->fused.layer;
+    } else {
+        status = frame_layer_cache_get(renderer->frames, &renderer->avatar, view->frame, out);
+    }
+    if (status != OK)
+        return status;
+    *shown = bone_corrections_apply(shown, &(*out)->corrections);
+    if (view->fused)
+        fill_fused(renderer, shown, take_entry(renderer->take, view->frame)->world_from_camera.rotation);
+    return (*out)->points ? OK : NOTHING;
+}
+
 enum status avatar_renderer_draw(struct avatar_renderer *renderer, const struct avatar_view *view, int *parts,
                                  struct gpu_box *within)
 {
@@ -815,14 +891,9 @@ enum status avatar_renderer_draw(struct avatar_renderer *renderer, const struct 
     const struct take_entry *e = take_entry(renderer->take, view->frame);
     const struct gpu_frame_layer *now;
     struct bone_transforms shown;
-    enum status status = frame_layer_cache_get(renderer->frames, &renderer->avatar, view->frame, &now);
-    if (status == OK && !now->points)
-        return NOTHING;
-    if (status == OK)
-        status = bone_transforms_of(&renderer->avatar.bind_pose, &view->skeleton, &shown); // world axes
+    const enum status status = find_layer_shown(renderer, view, &now, &shown);
     if (status != OK)
         return status;
-    shown = bone_corrections_apply(&shown, &now->corrections);
     const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
     struct affine_map viewer_from_bone[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)

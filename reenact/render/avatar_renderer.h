@@ -45,7 +45,8 @@ int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *renderer,
 void avatar_renderer_set_lens(struct avatar_renderer *renderer, const struct lens *view);
 
 struct avatar_view {
-    int64_t frame;            // whose layer is drawn: nearest in time, or a resident one near it
+    int64_t frame;            // nearest in time, or a resident one near it: its layer is drawn
+    bool fused;               // without its layer: the avatar's own shape and colours; nothing is read of the take
     struct skeleton skeleton; // world axes, possibly interpolated between two frames
     struct pose world_from_viewer;
     struct gpu_target *actor;

@@ -201,7 +201,9 @@ static enum status texture_cache_part(struct texture_cache *cache, int64_t frame
 
 // ---------------------------------------------------------------- cylinder renderer
 
-enum { SIDES = 4, ALONG = 24 }; // meshes of 8, 16, 32, 64 sides; rings along a cylinder
+// Meshes of 8, 16, 32, 64 sides, with 3, 6, 12, 24 rings along a cylinder: between rings the viewer's lens distortion
+// is linear, and what is thin in the image is short there.
+enum { SIDES = 4, LEAST_SIDES = 8, LEAST_RINGS = 3 };
 
 static const double SILHOUETTE_ERROR_PX = 0.1; // chosen by hand: below what antialiasing shows
 
@@ -368,7 +370,7 @@ static enum status mesh_for(struct cylinder_renderer *renderer, bool plain, enum
                             struct gpu_mesh **out)
 {
     int sides = cylinder_sides(radius_px, SILHOUETTE_ERROR_PX), which = 0;
-    while (8 << which < sides)
+    while (LEAST_SIDES << which < sides)
         which++;
     struct gpu_mesh **kept = plain ? &renderer->open[which] : &renderer->rounded[part][which];
     *out = *kept;
@@ -376,7 +378,8 @@ static enum status mesh_for(struct cylinder_renderer *renderer, bool plain, enum
         return OK;
     struct cylinder_mesh mesh;
     enum cylinder_shape shape = plain ? CYLINDER_OPEN : CYLINDER_ROUNDED;
-    enum status status = cylinder_mesh_make(shape, take_body(renderer->take)->radius_rate[part], sides, ALONG, &mesh);
+    enum status status =
+        cylinder_mesh_make(shape, take_body(renderer->take)->radius_rate[part], sides, LEAST_RINGS << which, &mesh);
     if (status != OK)
         return status;
     status =
@@ -448,6 +451,7 @@ static enum status draw_part(struct cylinder_renderer *renderer, const struct cy
                                    .program = renderer->program,
                                    .mesh = mesh,
                                    .textures = {texture.texture},
+                                   .closed = !view->whole, // an open tube shows its inside
                                    .depth_test = true});
     }
     return OK;

@@ -106,12 +106,16 @@ struct affine_map affine_multiply(const struct affine_map *a, const struct affin
     return map;
 }
 
-enum { CAP_RINGS = 8 };
-
-// Ring number i of `rings`: its height and its radius.
-static void ring_at(enum cylinder_shape shape, double cap, int i, int rings, double *z, double *radius)
+// Rings of a round end: its outline is as fine as the circle's.
+static int cap_rings(enum cylinder_shape shape, int around)
 {
-    int caps = shape == CYLINDER_ROUNDED ? CAP_RINGS : 0, last = rings - 1;
+    return shape == CYLINDER_ROUNDED ? (around + 3) / 4 : 0;
+}
+
+// Ring number i of `rings`, of which `caps` are of each end: its height and its radius.
+static void ring_at(int caps, double cap, int i, int rings, double *z, double *radius)
+{
+    const int last = rings - 1;
     *radius = 1;
     if (i < caps) { // from the pole to the rim
         double a = PI / 2 * i / caps;
@@ -141,7 +145,7 @@ static void fill_indices(uint16_t *index, int around, int rings)
 enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around, int along, struct cylinder_mesh *out)
 {
     assert(around >= 3 && along >= 1 && cap >= 0);
-    int rings = along + 1 + (shape == CYLINDER_ROUNDED ? 2 * CAP_RINGS : 0);
+    const int caps = cap_rings(shape, around), rings = along + 1 + 2 * caps;
     assert(rings * around <= 65536);
     *out = (struct cylinder_mesh){.vertex_count = rings * around, .index_count = (rings - 1) * around * 6};
     out->vertices = malloc(sizeof(float) * 3 * (size_t)out->vertex_count);
@@ -155,7 +159,7 @@ enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around
     float *v = out->vertices;
     for (int i = 0; i < rings; i++) {
         double z, radius;
-        ring_at(shape, cap, i, rings, &z, &radius);
+        ring_at(caps, cap, i, rings, &z, &radius);
         for (int k = 0; k < around; k++) {
             *v++ = (float)(radius * grow * portable_cos(2 * PI * k / around));
             *v++ = (float)(radius * grow * portable_sin(2 * PI * k / around));

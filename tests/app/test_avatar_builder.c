@@ -28,7 +28,7 @@ static struct built build(const char *path)
     struct built b = {0};
     const struct avatar_builder_options options = {path, rehearsed.take, count, &news};
     EXPECT_STATUS(avatar_builder_start(&p, &options), OK);
-    avatar_builder_begin(p);
+    avatar_builder_begin(p, true);
     double share = 0;
     for (enum avatar_news got = AVATAR_NO_NEWS; got != AVATAR_FULL;) {
         EXPECT_AT_LEAST(avatar_builder_progress(p), share);
@@ -112,7 +112,7 @@ static void test_cancel_at_any_moment(void **state)
         struct avatar_builder *p;
         const struct avatar_builder_options options = {rehearsed.rehearsal.file, rehearsed.take, count, &news};
         EXPECT_STATUS(avatar_builder_start(&p, &options), OK);
-        avatar_builder_begin(p);
+        avatar_builder_begin(p, true);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
         avatar_builder_close(&p);
         EXPECT_TRUE(!p);

@@ -88,6 +88,7 @@ static void test_the_room_shows_the_instant_that_is_done(void **state)
         drawn++;
         const struct vec3 now = g.image->skeleton.joint[JOINT_RIGHT_HAND];
         struct take_view_request again = {.lens = g.image->lens,
+                                          .detail = DETAIL_AUTO,
                                           .world_from_camera = g.image->world_from_camera,
                                           .time_ns = g.state->live.at_ns,
                                           .camera_lost = true,

@@ -25,6 +25,7 @@ static void test_choices_are_found_again(void **state)
     view_state_do(&s, DO_NAMES, 0);
     view_state_do(&s, DO_LOOP, 0);
     view_state_do(&s, DO_TEXT_SIZE, 0);
+    view_state_do(&s, (enum view_action)(DO_DETAIL + DETAIL_PARTS), 0);
     view_state_set_speed(&s, 0.25, 0);
     const struct settings chosen = settings_of(&s);
     EXPECT_STATUS(settings_file_write(path, &chosen), OK);
@@ -38,6 +39,7 @@ static void test_choices_are_found_again(void **state)
     EXPECT_INT(again.playback.loop, s.playback.loop);
     EXPECT_NEAR(again.text_size, 1.25, 0);
     EXPECT_NEAR(again.playback.speed, 0.25, 0);
+    EXPECT_INT(again.detail, DETAIL_PARTS);
     scratch_remove(&scratch);
 }
 
@@ -53,6 +55,7 @@ static void test_nonsense_is_left_out(void **state)
                  {"dark 7\n", 1},
                  {"dark 0x\n\nspeed 99\ntext nan\n", 3},
                  {"speed 1e999\ntext -1\nunknown 1\n", 3},
+                 {"detail full\ndetail finest\ndetail \n", 2},
                  {"dark 0\nspeed 0.5\ngarbage\xff\xfe\n", 1}};
     const struct view_state start = view_state_start(1, true, 0);
     for (size_t i = 0; i < COUNT_OF(cases); i++) {

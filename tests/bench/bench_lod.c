@@ -4,7 +4,8 @@
 // The error: the area between the true silhouette and the drawn one per pixel of the true silhouette's length, that is
 // the mean distance between the two. Next to it what the program predicted (reenact/render/actor_renderer.h), and the
 // colour error where both cover. Times are of all threads together until all is drawn, the median of several drawings
-// of the same image by each level in turn, then the median of the views, relative to DETAIL_PAPER.
+// of the same image by each level in turn, then the median of the views, relative to DETAIL_PAPER. What a level costs
+// before its first picture: processor time, and memory that stays, of the graphics driver included.
 #include "reenact/render/actor_renderer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_lod_plot.h"
@@ -13,34 +14,35 @@
 #include "tests/support/gpu_finish.h"
 #include "tests/world/world.h"
 
+#include <malloc.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { VIEWS = 6, DRAWN = 5, LEVELS = 5, PICTURED_M = 3 };
+enum { VIEWS = 6, DRAWN = 5, LEVELS = 6, PICTURED_M = 3 };
 static const double ABOVE_M = 0.4;   // the viewer's height above the waist
 static const double AROUND_M = 0.35; // of the person about the joints, at most
 static const double SAME_PLACE_M =
     0.15; // furniture occludes the actor if it is nearer than the nearest joint by this much
 
-// How the levels are drawn. Rounded cylinders are the best level above paper while the person's shape is unknown.
+// How the levels are drawn.
 static const struct {
     const char *name, *colour;
     enum detail detail;
-    bool unknown;    // the person's shape
     double error_px; // allowed
     bool pictured;   // on the page
 } plans[LEVELS] = {
-    {"paper", "#c60", DETAIL_PAPER, false, 1, true},       {"rounded cylinders", "#383", DETAIL_FULL, true, 1, false},
-    {"full", "#06c", DETAIL_FULL, false, 1, true},         {"auto, 1 px", "#000", DETAIL_AUTO, false, 1, false},
-    {"auto, 20 px", "#a0a", DETAIL_AUTO, false, 20, true},
+    {"paper", "#c60", DETAIL_PAPER, 1, true},      {"parts", "#383", DETAIL_PARTS, 1, true},
+    {"fused", "#088", DETAIL_FUSED, 1, true},      {"full", "#06c", DETAIL_FULL, 1, true},
+    {"auto, 1 px", "#000", DETAIL_AUTO, 1, false}, {"auto, 20 px", "#a0a", DETAIL_AUTO, 20, true},
 };
 
 struct level {
     struct renderer *renderer;
     double area, length, predicted, squares, covered; // sums over a distance's views
-    int plain;                                        // views drawn at paper
+    int at[DETAIL_LEVELS];                            // views drawn at each level
     double ms[VIEWS];
+    double prepare_s, kept_mib;
 };
 
 enum { BACKGROUND, PERSON, HIDDEN };
@@ -219,7 +221,7 @@ static enum status draw_view(struct lod_bench *s, const struct renderer_view *vi
             continue;
         status = renderer_read_actor(l->renderer, s->rgba);
         l->predicted += result.error_px;
-        l->plain += result.level == DETAIL_PAPER;
+        l->at[result.level]++;
         judge(s, l);
         show_level(s, i % LEVELS);
     }
@@ -246,6 +248,25 @@ static enum status measure_view(struct lod_bench *s, double away_m, int number)
 
 // ------------------------------------------------------------- the stage
 
+// Of the heap and of what is mapped for large blocks.
+static double allocated_mib(void)
+{
+    const struct mallinfo2 info = mallinfo2();
+    return (double)(info.uordblks + info.hblkhd) / (1 << 20);
+}
+
+static enum status open_level(struct lod_bench *s, int i)
+{
+    struct renderer_options o = renderer_default_options();
+    o.detail = plans[i].detail;
+    o.error_px = plans[i].error_px;
+    const double began_ms = bench_all_threads_ms(), before_mib = allocated_mib();
+    const enum status status = renderer_open(&s->level[i].renderer, s->gpu, s->data.own, &s->data.lens, &o);
+    s->level[i].prepare_s = (bench_all_threads_ms() - began_ms) / 1000;
+    s->level[i].kept_mib = allocated_mib() - before_mib;
+    return status;
+}
+
 static enum status open_lod_bench(struct lod_bench *s, bool brief)
 {
     struct world_options world = world_default_options();
@@ -255,15 +276,8 @@ static enum status open_lod_bench(struct lod_bench *s, bool brief)
         status = world_open(&s->world, &world);
     if (status == OK)
         status = gpu_open(&s->gpu);
-    for (int i = 0; i < LEVELS && status == OK; i++) {
-        struct renderer_options o = renderer_default_options();
-        o.detail = plans[i].detail;
-        o.error_px = plans[i].error_px;
-        o.avatar_later = plans[i].unknown;
-        status = renderer_open(&s->level[i].renderer, s->gpu, s->data.own, &s->data.lens, &o);
-        if (status == OK && plans[i].unknown)
-            status = renderer_set_avatar(s->level[i].renderer, NULL);
-    }
+    for (int i = 0; i < LEVELS && status == OK; i++)
+        status = open_level(s, i);
     if (status != OK)
         return status;
     s->rgb = malloc(3 * pixels);
@@ -295,10 +309,12 @@ static enum status sum_up(struct bench *b, struct lod_bench *s, int distance, st
         *m = (struct lod_plot_mark){distance + 1, bench_percentile(l->ms, s->views, 0.5) / plain_ms,
                                     l->area / l->length, l->predicted / s->views};
         snprintf(name, sizeof name, "%g m, %s", m->away_m, plans[i].name);
-        status = bench_add_row(b, name,
-                               (const double[]){m->time_ratio, m->error_px, m->predicted_px,
-                                                sqrt(l->squares / fmax(l->covered, 1)), 100.0 * l->plain / s->views});
-        *l = (struct level){.renderer = l->renderer};
+        status = bench_add_row(
+            b, name,
+            (const double[]){m->time_ratio, m->error_px, m->predicted_px, sqrt(l->squares / fmax(l->covered, 1)),
+                             100.0 * l->at[DETAIL_PAPER] / s->views, 100.0 * l->at[DETAIL_PARTS] / s->views,
+                             100.0 * l->at[DETAIL_FUSED] / s->views, l->prepare_s, l->kept_mib});
+        *l = (struct level){.renderer = l->renderer, .prepare_s = l->prepare_s, .kept_mib = l->kept_mib};
     }
     return status;
 }
@@ -306,7 +322,8 @@ static enum status sum_up(struct bench *b, struct lod_bench *s, int distance, st
 static enum status run(struct bench *b)
 {
     static struct lod_bench s;
-    static const char *const columns[] = {"time_ratio", "error_px", "predicted", "grey_rms", "paper_pct"};
+    static const char *const columns[] = {"time_ratio", "error_px",  "predicted", "grey_rms", "paper_pct",
+                                          "parts_pct",  "fused_pct", "prepare_s", "kept_mib"};
     struct lod_plot_line lines[LEVELS];
     for (int i = 0; i < LEVELS; i++)
         lines[i] = (struct lod_plot_line){

@@ -44,7 +44,8 @@ static int64_t draw_all(uint8_t *rgba)
     EXPECT_INT(moment.frame, FRAME);
     for (int v = 0; v < VIEWS; v++) {
         const struct pose viewer = rehearsed_orbit_pose(&rehearsed, FRAME, 2 * PI * v / VIEWS);
-        const struct avatar_view view = {FRAME, moment.skeleton, viewer, target, NULL, NULL};
+        const struct avatar_view view = {
+            .frame = FRAME, .skeleton = moment.skeleton, .world_from_viewer = viewer, .actor = target};
         const int64_t before = gpu_get_counts(gpu).draws;
         struct gpu_box within;
         int parts;
