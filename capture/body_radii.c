@@ -79,6 +79,29 @@ static bool belongs_to(const struct projected_skeleton *seen, enum part part, do
     return true;
 }
 
+// The radius of a cylinder whose axis lies at depth z and whose outline is `half_px` from it in the image: the
+// outline's rays touch it, so that it is seen a little wider than the radius at that depth.
+static double radius_of_outline(double half_px, double fx, double z)
+{
+    const double slope = half_px / fx;
+    return z * slope / sqrt(1 + slope * slope);
+}
+
+// The mean of the middle half: less rounded to whole pixels than the median, and as little moved by outliers. Sorts.
+static double middle_mean(double *values, int count)
+{
+    for (int i = 1; i < count; i++)
+        for (int k = i; k > 0 && values[k] < values[k - 1]; k--) {
+            const double swap = values[k];
+            values[k] = values[k - 1], values[k - 1] = swap;
+        }
+    const int left = count / 4;
+    double sum = 0;
+    for (int i = left; i < count - left; i++)
+        sum += values[i];
+    return sum / (count - 2 * left);
+}
+
 struct person_image {
     const struct lens *lens;
     const uint16_t *depth;
@@ -143,7 +166,7 @@ double body_radii_measure_part(const struct calibration *calibration, const stru
         return 0;
     double nx = -(b.y - a.y) / length_px, ny = (b.x - a.x) / length_px;
     struct person_image image = {&calibration->depth, depth, mask};
-    double widths[SAMPLES];
+    double radii[SAMPLES];
     int count = 0;
     for (int i = 0; i < SAMPLES; i++) {
         double t = FIRST_SHARE + (LAST_SHARE - FIRST_SHARE) * i / (SAMPLES - 1);
@@ -153,16 +176,16 @@ double body_radii_measure_part(const struct calibration *calibration, const stru
         // The surface here must be this part's: not far from its bone.
         if (!mm || fabs(mm / 1000.0 - bone_z) > RADIUS_MAX_M)
             continue;
-        double px_per_m = calibration->depth.fx / (mm / 1000.0);
+        double px_per_m = calibration->depth.fx / bone_z;
         struct edge_walk to_one = {part, {x, y}, {nx, ny}, RADIUS_MAX_M * px_per_m};
         struct edge_walk to_other = {part, {x, y}, {-nx, -ny}, RADIUS_MAX_M * px_per_m};
         double one = walk_to_edge(&seen, &image, &to_one), other = walk_to_edge(&seen, &image, &to_other);
         if (one >= 0 && other >= 0)
-            widths[count++] = (one + other) / px_per_m;
+            radii[count++] = radius_of_outline((one + other) / 2, calibration->depth.fx, bone_z);
     }
     if (count < SAMPLES_MIN)
         return 0;
-    return median_of(widths, (size_t)count) / 2;
+    return middle_mean(radii, count);
 }
 
 bool body_radii_add_frame(struct body_radii *radii, int64_t index, const struct calibration *calibration,

@@ -1,7 +1,9 @@
 #include "capture/take_verdict.h"
 
+#include "capture/body_radii.h"
 #include "capture/depth_cause.h"
 #include "capture/sensor_pose.h"
+#include "recording/place.h"
 #include "recording/recorded_verdict.h"
 #include "recording/recording_reader.h"
 
@@ -87,6 +89,65 @@ static enum status smooth_backward(struct smoother *smoother, struct tracker *tr
     return status == OK ? smoother_solve(smoother) : status;
 }
 
+struct scored_frame {
+    int64_t frame;
+    double score;
+};
+
+// Best first, then the earlier.
+static int by_score(const void *a, const void *b)
+{
+    const struct scored_frame *x = a, *y = b;
+    return x->score != y->score ? (x->score < y->score) - (x->score > y->score)
+                                : (x->frame > y->frame) - (x->frame < y->frame);
+}
+
+static bool is_whole(const struct body_radii *radii)
+{
+    bool whole = true;
+    for (int p = 0; p < PART_COUNT; p++)
+        whole = whole && radii->part_best[p] >= 0;
+    return whole;
+}
+
+// What body_radii_add_frame makes of all frames with the smoothed joints, but for what is measured in none of the best
+// LOOKED frames. NOTHING: nothing was measured.
+static enum status measure_smoothed(struct smoother *smoother, struct take *take, struct body_radii *out)
+{
+    enum { LOOKED = 40 }; // a second of film at 30 Hz, in which a pose changes; chosen by hand
+    const int64_t count = take_frame_count(take);
+    struct scored_frame *best = calloc((size_t)count + 1, sizeof *best);
+    int64_t known = 0;
+    enum status status = best ? OK : fail(ERR_MEMORY, "no memory to measure the body");
+    body_radii_start(out);
+    for (int64_t i = 0; i < count && status == OK; i++)
+        if (smoother_skeleton(smoother, i) && take_entry(take, i)->has_depth)
+            best[known++] = (struct scored_frame){i, pose_score(smoother_skeleton(smoother, i))};
+    if (status == OK)
+        qsort(best, (size_t)known, sizeof *best, by_score);
+    for (int64_t i = 0; i < known && i < LOOKED && status == OK && !is_whole(out); i++) {
+        struct take_images images;
+        status = take_read(take, best[i].frame, TAKE_DEPTH | TAKE_MASK, &images);
+        if (status == OK && images.depth && images.mask)
+            body_radii_add_frame(out, best[i].frame, take_calibration(take), smoother_skeleton(smoother, best[i].frame),
+                                 images.depth, images.mask);
+        status = status == ERR_CORRUPT ? OK : status; // a damaged frame costs itself alone
+    }
+    free(best);
+    return status == OK && out->body.representative_frame < 0 ? NOTHING : status;
+}
+
+// Rates that no frame gave with the smoothed joints stay those of the online ones.
+static enum status put_measured(struct recording_writer *writer, const struct body *online,
+                                const struct body_radii *smoothed)
+{
+    struct body body = smoothed->body;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (smoothed->part_best[p] < 0)
+            body.radius_rate[p] = online->radius_rate[p];
+    return recording_put_body(writer, &body);
+}
+
 static enum status put_smoothed(struct smoother *smoother, struct recording_writer *writer, int64_t count)
 {
     const struct skeleton **skeleton = calloc((size_t)count, sizeof *skeleton);
@@ -110,14 +171,23 @@ enum status take_smooth(struct smoother *smoother, struct tracker *tracker, stru
     enum status status = recording_open(&recording, recording_writer_path(writer));
     if (status == OK)
         status = take_open(&take, recording, name);
+    struct body_radii radii;
+    struct body online = {.representative_frame = -1};
     const int64_t count = status == OK ? take_frame_count(take) : 0;
     if (status == OK && take_lost(take)) // the smoother's frames would not be the take's
         status = NOTHING;
     if (status == OK)
         status = smooth_backward(smoother, tracker, take, options);
+    enum status measured = status == OK ? measure_smoothed(smoother, take, &radii) : NOTHING;
+    if (measured == OK)
+        online = *take_body(take);
     take_close(&take);
     recording_free(&recording);
-    return status == OK ? put_smoothed(smoother, writer, count) : status;
+    if (status == OK)
+        status = put_smoothed(smoother, writer, count);
+    if (status == OK && measured == OK)
+        measured = put_measured(writer, &online, &radii);
+    return status == OK && measured < 0 ? measured : status;
 }
 
 // ---------------------------------------------------------------- take facts

@@ -30,7 +30,7 @@ MUST_CHECK enum status take_frames_next(struct take_clock *clock, struct source 
 // ---------------------------------------------------------------- take smoothing
 
 // The backward pass after a take was recorded: its depth is read again from the end to the beginning, and its online
-// joints are replaced by smoothed ones (skeleton_smoother.h).
+// joints are replaced by smoothed ones (skeleton_smoother.h); the body is measured again by them (body_radii.h).
 
 // `name` is the take that the writer ended last, and `smoother` has seen all of its frames. NOTHING: stopped; the take
 // keeps the online joints, as after any error. ERR_IO, ERR_MEMORY.

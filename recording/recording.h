@@ -63,7 +63,8 @@ struct take_frame {
 // allowed from here on. ERR_MEMORY.
 MUST_CHECK enum status recording_add_frame(struct recording_writer *writer, const struct take_frame *frame);
 
-// Stores the body as far as it is measured; may be called repeatedly during the take. ERR_INPUT, ERR_IO.
+// Stores the body as far as it is measured; may be called repeatedly during the take, and for the take that was ended
+// last. ERR_INPUT, ERR_IO.
 MUST_CHECK enum status recording_put_body(struct recording_writer *writer, const struct body *body);
 
 // Stores how many frames were dropped so far, by the sensor or by capture. ERR_IO.

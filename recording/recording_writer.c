@@ -339,7 +339,7 @@ enum status recording_begin_take(struct recording_writer *writer, const char *na
 
 enum status recording_put_body(struct recording_writer *writer, const struct body *body)
 {
-    assert(writer->in_take);
+    assert(writer->take.id);
     if (!body_is_valid(body))
         return fail(ERR_INPUT, "a body's radius is not finite or out of range");
     writer->take.body = *body;

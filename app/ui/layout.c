@@ -24,7 +24,7 @@ static double sheet_height(const struct view_state *state, double width)
     case SHEET_CARD: return TALL_SHEET;
     case SHEET_LAYERS:
         return sheet_height_of(LAYER_ROWS + (state->developer ? DEVELOPER_ROWS : 0)) +
-               (state->orbiting ? sheet_buttons_height(sides) : 0) + sheet_buttons_height(2); // two: of the detail
+               (state->orbiting ? sheet_buttons_height(sides) : 0);
     case SHEET_SPEED: return SHEET_TITLE + GAP + 2 * SHEET_EDGE + 2 * SHEET_ROW + GAP;
     default: return 0;
     }

@@ -55,8 +55,8 @@ static void test_nonsense_is_left_out(void **state)
                  {"dark 7\n", 1},
                  {"dark 0x\n\nspeed 99\ntext nan\n", 3},
                  {"speed 1e999\ntext -1\nunknown 1\n", 3},
-                 {"detail full\ndetail finest\ndetail \n", 2},
-                 {"dark 0\nspeed 0.5\ngarbage\xff\xfe\n", 1}};
+                 {"dark 0\nspeed 0.5\ngarbage\xff\xfe\n", 1},
+                 {"detail full\ndetail finest\ndetail \n", 2}};
     const struct view_state start = view_state_start(1, true, 0);
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
         struct settings settings = settings_of(&start);

@@ -410,6 +410,7 @@ static void fill_request(struct take_view_request *r)
     r->placement.x_m = r->placement.y_m = r->placement.yaw_rad = 0.5;
     r->placement.mirrored = false;
     r->resolution_scale = 0.8;
+    r->detail = DETAIL_AUTO;
     r->error_px = 1;
     r->sources = r->inset = r->camera_lost = r->in_room = r->sensor = false;
     r->camera = NULL;
@@ -456,6 +457,7 @@ static void test_every_field_causes_a_redraw(void **state)
     EXPECT_REDRAW(placement.yaw_rad = 1);
     EXPECT_REDRAW(placement.mirrored = true);
     EXPECT_REDRAW(resolution_scale = 1);
+    EXPECT_REDRAW(detail = DETAIL_FULL);
     EXPECT_REDRAW(error_px = 2);
     EXPECT_REDRAW(sources = true);
     EXPECT_REDRAW(inset = true);
