@@ -14,6 +14,8 @@ int64_t clock_now_ns(void) { return read_clock(CLOCK_MONOTONIC); }
 
 int64_t clock_cpu_ns(void) { return read_clock(CLOCK_THREAD_CPUTIME_ID); }
 
+int64_t clock_process_ns(void) { return read_clock(CLOCK_PROCESS_CPUTIME_ID); }
+
 void clock_sleep_until_ns(int64_t when_ns)
 {
     struct timespec t = {.tv_sec = when_ns / 1000000000, .tv_nsec = when_ns % 1000000000};

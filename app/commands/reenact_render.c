@@ -128,6 +128,7 @@ struct render_run {
     int64_t with_actor, parts;
     int64_t at_level[DETAIL_LEVELS];
     double error_px; // predicted, summed over all images with the actor
+    double share_of_full;
     int64_t spent_ns[STAGE_COUNT], lap_ns;
 };
 
@@ -207,6 +208,8 @@ static enum status open_renderer(struct render_run *run)
         status = occluder_mesh_make(&occluder, &run->place, run->take, NULL);
     if (status == OK)
         status = renderer_set_room(run->renderer, &occluder);
+    if (status == OK && run->arguments->detail == DETAIL_AUTO)
+        status = renderer_measure_costs(run->renderer);
     return status < 0 ? status : OK;
 }
 
@@ -316,6 +319,7 @@ static enum status draw_placed(struct render_run *run, const struct frame *frame
     run->with_actor += result.parts > 0;
     run->parts += result.parts;
     run->error_px += result.parts > 0 ? result.error_px : 0;
+    run->share_of_full += result.parts > 0 ? result.share_of_full : 0;
     if (result.parts)
         run->at_level[result.level]++;
     return OK;
@@ -433,6 +437,8 @@ static enum status write_stats(struct render_run *run)
         json_add_number(levels, detail_names[d], (double)run->at_level[d]);
     json_add_number(root, "parts_per_picture", run->with_actor ? (double)run->parts / (double)run->with_actor : 0);
     json_add_number(root, "predicted_error_px", run->with_actor ? run->error_px / (double)run->with_actor : 0);
+    if (run->with_actor && isfinite(run->share_of_full)) // of auto: what it took, and by that saved
+        json_add_number(root, "share_of_full_time", run->share_of_full / (double)run->with_actor);
     struct json *times = json_add_object(root, "ms_per_picture");
     for (int s = 0; s < STAGE_COUNT; s++)
         json_add_number(times, stage_names[s], (double)run->spent_ns[s] * 1e-6 / (double)run->images);

@@ -25,8 +25,8 @@ struct avatar_builder {
 
     // Under the worker's lock:
     bool looked; // whether the recording keeps an avatar is known
-    bool begun;  // avatar_builder_begin was called,
-    bool wanted; // and wanted the avatar
+    bool begun;  // avatar_builder_begin was called
+    enum avatar_wanted wanted;
     enum avatar_news news;
     struct avatar avatar;
     struct failure failure; // of AVATAR_FULL; OK and NOTHING included
@@ -81,11 +81,11 @@ static void set_looked(struct avatar_builder *builder)
     pthread_mutex_unlock(&builder->worker.lock);
 }
 
-// Of `begun` or `wanted`. False: cancelled before it may begin.
-static bool await_begin(struct avatar_builder *builder, const bool *flag)
+// Until it has begun and that avatar is wanted. False: cancelled before.
+static bool await_begin(struct avatar_builder *builder, enum avatar_wanted avatar)
 {
     pthread_mutex_lock(&builder->worker.lock);
-    while (!*flag && !builder->worker.closing)
+    while (!(builder->begun && builder->wanted >= avatar) && !builder->worker.closing)
         pthread_cond_wait(&builder->worker.changed, &builder->worker.lock);
     const bool begins = !builder->worker.closing;
     pthread_mutex_unlock(&builder->worker.lock);
@@ -108,7 +108,7 @@ static void build_occluders(struct avatar_builder *builder)
     struct take *take = NULL;
     struct place place = {0};
     options.watch = &watch;
-    if (!await_begin(builder, &builder->begun) || open_take(builder, &recording, &take) != OK ||
+    if (!await_begin(builder, AVATAR_WANTED_NONE) || open_take(builder, &recording, &take) != OK ||
         recording_read_place(recording, &place) != OK || occluder_mesh_make(&made, &place, take, &options) != OK)
         made = (struct occluder_mesh){0};
     place_free(&place);
@@ -121,8 +121,8 @@ static void build_occluders(struct avatar_builder *builder)
     notify_change(builder);
 }
 
-// A simple avatar, which stands in until the full one is there. Without one the cylinders do.
-static void make_simple(struct avatar_builder *builder, struct take *take, const struct source_rays *rays)
+// A simple avatar, which stands in until the full one is there. False: there is none.
+static bool make_simple(struct avatar_builder *builder, struct take *take, const struct source_rays *rays)
 {
     const struct progress_watch watch = {.on_progress = keep_going, .self = builder};
     struct avatar_options options = avatar_default_options();
@@ -130,8 +130,10 @@ static void make_simple(struct avatar_builder *builder, struct take *take, const
     options.simple = true;
     options.max_frames = SIMPLE_FRAMES;
     options.watch = &watch;
-    if (avatar_make(&avatar, take, rays, &options) == OK)
-        publish_avatar(builder, AVATAR_SIMPLE, &avatar, OK);
+    if (avatar_make(&avatar, take, rays, &options) != OK)
+        return false;
+    publish_avatar(builder, AVATAR_SIMPLE, &avatar, OK);
+    return true;
 }
 
 // The full avatar is packed before it is handed over and written after that, when nothing waits for it any more.
@@ -172,12 +174,12 @@ static enum status build_avatar(struct avatar_builder *builder)
     if (found)
         publish_avatar(builder, AVATAR_FULL, &kept, OK);
     set_looked(builder);
-    if (status == OK && !found && !await_begin(builder, &builder->wanted))
+    if (status == OK && !found && !await_begin(builder, AVATAR_WANTED_SIMPLE))
         status = NOTHING;
     if (status == OK && !found)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK && !found)
-        make_simple(builder, take, rays);
+        status = make_simple(builder, take, rays) && !await_begin(builder, AVATAR_WANTED_FULL) ? NOTHING : OK;
     if (status == OK && !found)
         status = make_full(builder, take, rays);
     source_rays_close(&rays);
@@ -242,11 +244,11 @@ void avatar_builder_close(struct avatar_builder **out)
     *out = NULL;
 }
 
-void avatar_builder_begin(struct avatar_builder *builder, bool avatar_wanted)
+void avatar_builder_begin(struct avatar_builder *builder, enum avatar_wanted wanted)
 {
     pthread_mutex_lock(&builder->worker.lock);
     builder->begun = true;
-    builder->wanted |= avatar_wanted;
+    builder->wanted = wanted > builder->wanted ? wanted : builder->wanted;
     pthread_cond_broadcast(&builder->worker.changed);
     pthread_mutex_unlock(&builder->worker.lock);
 }

@@ -1,7 +1,7 @@
 // Gets a take's avatar (reenact/avatar/avatar.h) and the room's occluder mesh (reenact/scene/occluder_mesh.h) in the
 // background: on two threads, each with its own handle on the recording, which share the index of the take that is
-// being watched. The avatar that the recording keeps (avatar.h) is there immediately; else, once it may begin, a
-// simple one comes first, then the full one, which is then kept in the recording, where that can be written.
+// being watched. The avatar that the recording keeps (avatar.h) is there immediately; else, as far as they are wanted,
+// a simple one comes first, then the full one, which is then kept in the recording, where that can be written.
 #pragma once
 #include "reenact/avatar/avatar.h"
 #include "reenact/scene/occluder_mesh.h"
@@ -19,9 +19,11 @@ MUST_CHECK enum status avatar_builder_start(struct avatar_builder **out, const s
 // Cancels the work and waits until its threads have ended, a small part of a second. NULL is fine; sets *p = NULL.
 void avatar_builder_close(struct avatar_builder **p);
 
-// Begins to make what is not there: the room's mesh and, if it is wanted, the avatar; that may be said later. Until then
-// only the kept avatar is read, so that the first picture has the processor for itself.
-void avatar_builder_begin(struct avatar_builder *builder, bool avatar_wanted);
+enum avatar_wanted { AVATAR_WANTED_NONE, AVATAR_WANTED_SIMPLE, AVATAR_WANTED_FULL };
+
+// Begins to make what is not there: the room's mesh and the avatars up to the one that is wanted; called again, more of
+// them, never less. Until then only the kept avatar is read, so that the first picture has the processor for itself.
+void avatar_builder_begin(struct avatar_builder *builder, enum avatar_wanted wanted);
 
 double
 avatar_builder_progress(const struct avatar_builder *builder); // share of the full avatar's work that is done, 0..1

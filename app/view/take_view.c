@@ -27,6 +27,7 @@ struct take_view {
     bool outdated;                   // another avatar or room was set since the last drawing
     enum detail detail;              // asked for
     enum detail level;               // drawn last
+    enum avatar_wanted wanted;       // for what is drawn now
     struct frame_prefetch *prefetch; // NULL: the renderer has no avatar yet
     int64_t next[PREFETCH_MAX];      // frames predicted to be shown
     int next_count;
@@ -355,9 +356,17 @@ static enum status ensure_renderer(struct take_view *view, const struct lens *le
     return status;
 }
 
+// Nothing whole can be drawn: not yet, or, once the full avatar should be there, never. Who asks for cylinders gets
+// them.
+static bool lacks_body(const struct take_view *view)
+{
+    return detail_needs_avatar(view->detail) && !(view->renderer && renderer_avatar(view->renderer));
+}
+
 double take_view_progress(const struct take_view *view)
 {
-    const bool awaited = view->builder && !view->has_full && detail_needs_avatar(view->detail);
+    const bool body = view->wanted == AVATAR_WANTED_NONE || (view->wanted == AVATAR_WANTED_SIMPLE && !lacks_body(view));
+    const bool awaited = view->builder && !view->has_full && !body;
     return awaited ? avatar_builder_progress(view->builder) : 1;
 }
 
@@ -370,13 +379,6 @@ bool take_view_final(const struct take_view *view)
     const bool better = view->substituted &&
                         (prefetch_has(view->prefetch, view->awaited) || clock_now_ns() - view->awaited_ns >= AWAIT_NS);
     return !view->renderer || (renderer_upload_done(view->renderer) && !better && !view->outdated);
-}
-
-// Nothing whole can be drawn: not yet, or, once the full avatar should be there, never. Who asks for cylinders gets
-// them.
-static bool lacks_body(const struct take_view *view)
-{
-    return detail_needs_avatar(view->detail) && !(view->renderer && renderer_avatar(view->renderer));
 }
 
 // The prefetch works with the avatar before, so it ends first. The upload of a few megabytes is a hitch of some
@@ -512,7 +514,7 @@ enum status take_view_read_seen(struct take_view *view, float share[OVERLAY_GROU
 void take_view_presented(struct take_view *view)
 {
     if (view->builder && view->drawn)
-        avatar_builder_begin(view->builder, detail_needs_avatar(view->detail));
+        avatar_builder_begin(view->builder, view->wanted);
     if (view->prefetch && view->level == DETAIL_FULL)
         prefetch_request(view->prefetch, view->next, view->next_count);
 }
@@ -532,6 +534,18 @@ static void set_body(const struct take_view *view, struct take_view_image *out)
 {
     out->making = lacks_body(view) && !view->has_full;
     out->bodiless = lacks_body(view) && view->has_full;
+}
+
+// Nothing is prepared that is not seen: from afar the simple avatar's outline is good enough. in_world: the skeleton
+// that is shown.
+static enum avatar_wanted avatar_wanted_for(const struct take_view_request *request, const struct skeleton *in_world)
+{
+    if (!detail_needs_avatar(request->detail))
+        return AVATAR_WANTED_NONE;
+    const struct lens lens = lens_resized(&request->lens, request->resolution_scale);
+    const struct skeleton in_viewer = skeleton_transform(pose_inverse(request->world_from_camera), in_world);
+    const double error_px = lod_pixels_per_metre(&lens, &in_viewer) * lod_simple_error_m();
+    return request->detail == DETAIL_AUTO && error_px <= request->error_px ? AVATAR_WANTED_SIMPLE : AVATAR_WANTED_FULL;
 }
 
 static enum status draw_actor(struct take_view *take_view, const struct take_view_request *request, int64_t frame,
@@ -602,6 +616,8 @@ enum status take_view_draw(struct take_view *view, const struct take_view_reques
         set_body(view, out);
     if (has_skeleton)
         place_skeleton(view, request, &sample, out);
+    if (has_skeleton && !request->camera_lost)
+        view->wanted = avatar_wanted_for(request, &out->skeleton);
     if (!request->camera_lost)
         status = draw_actor(view, request, has_skeleton ? sample.frame : -1, out);
     view->stood_in = out->making || out->bodiless || (view->stood_in && request->sensor);

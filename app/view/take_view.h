@@ -26,7 +26,8 @@ struct take_view_options {
 // The take can be drawn immediately: with the avatar that the recording keeps; or without the actor, but with what the
 // sensor saw, until, after the first take_view_presented, a simple avatar and then the full one were built in the
 // background. Where no avatar can be made, what the sensor saw is all there is: DETAIL_PAPER and _PARTS have gaps
-// between the parts. They are drawn where they are asked for, and no avatar is made then. Errors: as recording_open, take_open and skeleton_track_open; *out is then NULL.
+// between the parts. They are drawn where they are asked for, and no avatar is made then. Errors: as recording_open,
+// take_open and skeleton_track_open; *out is then NULL.
 MUST_CHECK enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct take_view_options *options);
 void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; cancels background work
 

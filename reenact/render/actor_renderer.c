@@ -1,6 +1,7 @@
 // Draws the actor: opening, level of detail, draw order.
 #include "reenact/render/actor_renderer.h"
 
+#include "base/clock.h"
 #include "reenact/avatar/avatar.h"
 #include "reenact/render/avatar_renderer.h"
 #include "reenact/render/cylinder_renderer.h"
@@ -43,41 +44,66 @@ struct renderer {
     bool upload_pending;       // waiting for the avatar or its upload
     bool avatar_later;         // renderer_set_avatar gives it
     double error_px;           // predicted error that DETAIL_AUTO accepts
-    double cylinder_error_m;   // of the cylinders against the avatar's surface
+    struct detail_costs costs;
+    double unseen_share; // of the avatar's surface
 };
 
 // ---------------------------------------------------------------- lod error
 
 // Predicted errors of the levels of detail.
 
-// Half a voxel of the TSDF, and 4 mm of residual distance to the depth samples after articulated ICP; chosen by hand.
-// docs/notes/retrieval-and-drawing.md compares the predictions with measured silhouette errors.
-static const double FULL_ERROR_M = 0.5 * TSDF_VOXEL_M + 0.004;
-
-// Mean distance of the avatar's surface points from the body cylinders, metres.
-static double lod_cylinder_error_m(const struct avatar *avatar)
-{
-    double sum = 0;
-    for (int i = 0; i < avatar->surface.point_count; i++)
-        sum += fabs(bind_pose_distance(&avatar->bind_pose, avatar->surface.points[i]));
-    return avatar->surface.point_count ? sum / avatar->surface.point_count : 0;
-}
+// Of outlines drawn from all round. Cylinders: shares of the body's radius. The avatar: more where it was never seen.
+// Fitted by hand to the small world's dancer, dance and a heavy figure's kata; docs/notes/retrieval-and-drawing.md has
+// the errors on other films. SIMPLE_M: of 8 frames, as app/view/avatar_builder.c makes it.
+static const double PAPER_SHARE = 0.325, PARTS_SHARE = 0.295;
+static const double FUSED_M = 0.0054, FUSED_UNSEEN_M = 0.0038, FULL_M = 0.0045, FULL_UNSEEN_M = 0.005,
+                    SIMPLE_M = 0.0135;
 
 double lod_pixels_per_metre(const struct lens *lens, const struct skeleton *in_viewer)
 {
-    double nearest = INFINITY;
+    double sum = 0;
+    int count = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (in_viewer->confidence[j] > 0 && in_viewer->joint[j].z > 0.05)
-            nearest = fmin(nearest, in_viewer->joint[j].z);
-    return isfinite(nearest) ? lens->fx / nearest : 0;
+        if (in_viewer->confidence[j] > 0 && in_viewer->joint[j].z > 0.05) {
+            sum += lens->fx / in_viewer->joint[j].z;
+            count++;
+        }
+    return count ? sum / count : 0;
 }
 
-double lod_paper_error_m(double cylinder_error_m, double cost_m)
+double lod_body_radius_m(const struct body *body, const struct skeleton *skeleton)
 {
-    return cylinder_error_m + cost_m / JOINT_COUNT; // equation 5 has the sum over the joints
+    double sum = 0;
+    int count = 0;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (part_is_known(body, skeleton, (enum part)p)) {
+            sum += body->radius_rate[p] *
+                   v3_distance(skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]);
+            count++;
+        }
+    return count ? sum / count : 0;
 }
 
-double lod_full_error_m(void) { return FULL_ERROR_M; }
+double lod_simple_error_m(void) { return SIMPLE_M; }
+
+double lod_unseen_share(const struct avatar *avatar)
+{
+    const int count = avatar->surface.point_count;
+    int filled = 0;
+    for (int i = 0; i < count; i++)
+        filled += avatar->vertex_colors.filled[i] != 0;
+    return count ? (double)filled / count : 0;
+}
+
+double lod_outline_error_m(enum detail level, double body_radius_m, double unseen_share)
+{
+    switch (level) {
+    case DETAIL_PAPER: return PAPER_SHARE * body_radius_m;
+    case DETAIL_PARTS: return PARTS_SHARE * body_radius_m;
+    case DETAIL_FUSED: return FUSED_M + FUSED_UNSEEN_M * unseen_share;
+    default: return FULL_M + FULL_UNSEEN_M * unseen_share;
+    }
+}
 
 // ---------------------------------------------------------------- actor targets
 
@@ -308,8 +334,6 @@ enum status renderer_read_seen(struct renderer *renderer, float share[OVERLAY_GR
 enum { UPLOAD_BYTES = 512 << 10 }; // of the avatar with each image; chosen by hand
 enum { FRAMES_FIRST = 400 };       // cylinder_renderer_open: 20 ms before the first image of a long take; by hand
 
-static const double TYPICAL_CYLINDER_ERROR_M = 0.03; // while there is no avatar to measure; chosen by hand
-
 struct renderer_options renderer_default_options(void)
 {
     return (struct renderer_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20, .error_px = 1};
@@ -347,7 +371,7 @@ enum status renderer_set_avatar(struct renderer *renderer, struct avatar *avatar
         avatar_renderer_close(&renderer->avatar);
         return OK;
     }
-    renderer->cylinder_error_m = lod_cylinder_error_m(avatar);
+    renderer->unseen_share = lod_unseen_share(avatar);
     enum status status = avatar_renderer_set_avatar(renderer->avatar, avatar);
     if (status != OK)
         avatar_renderer_close(&renderer->avatar);
@@ -443,7 +467,6 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
     p->resolution_scale = 1;
     p->detail = options->detail;
     p->error_px = options->error_px;
-    p->cylinder_error_m = TYPICAL_CYLINDER_ERROR_M;
     p->may_draw_avatar = detail_needs_avatar(options->detail);
     p->avatar_later = options->avatar_later && p->may_draw_avatar;
     status = options->skeletons ? OK : take_skeletons_open(&p->own_skeletons, take);
@@ -547,29 +570,26 @@ static enum status upload_more(struct renderer *renderer)
 }
 
 // Chooses the level and predicts its error.
-static enum status choose_level(struct renderer *renderer, struct draw_state *state, struct renderer_result *result)
+static enum status choose_level(struct renderer *renderer, const struct draw_state *state,
+                                struct renderer_result *result)
 {
-    enum status status = renderer->upload_pending ? upload_more(renderer) : OK;
-    if (status != OK)
-        return status;
-    double px_per_m = lod_pixels_per_metre(&renderer->drawn, &state->in_viewer);
-    const enum detail best = renderer->avatar ? DETAIL_FULL : DETAIL_PARTS; // of those that can be drawn
-    result->level = renderer->upload_pending && detail_needs_avatar(renderer->detail) ? DETAIL_PAPER : renderer->detail;
-    if (result->level < DETAIL_AUTO && result->level > best)
-        result->level = best;
-    const bool body = result->level == DETAIL_FUSED || best == DETAIL_FULL;
-    result->error_px = px_per_m * (body ? lod_full_error_m() : renderer->cylinder_error_m);
-    if (result->level != DETAIL_PAPER && result->level != DETAIL_AUTO)
-        return OK;
-    status = cylinder_renderer_select(renderer->cylinders, &state->in_viewer, &state->whole);
-    double paper_px = px_per_m * lod_paper_error_m(renderer->cylinder_error_m, state->whole.cost_m);
-    if (status < 0)
-        return status;
-    if (result->level == DETAIL_AUTO)
-        result->level = status == OK && paper_px <= renderer->error_px ? DETAIL_PAPER : best;
-    if (result->level == DETAIL_PAPER)
-        result->error_px = paper_px;
-    return OK;
+    const enum status status = renderer->upload_pending ? upload_more(renderer) : OK;
+    const double px_per_m = lod_pixels_per_metre(&renderer->drawn, &state->in_viewer);
+    const enum detail finest = renderer->avatar ? DETAIL_FULL : DETAIL_PARTS; // of those that can be drawn
+    const double radius_m = lod_body_radius_m(take_body(renderer->take), &state->in_viewer);
+    double error_px[DETAIL_LEVELS];
+    for (int level = 0; level < DETAIL_LEVELS; level++)
+        error_px[level] = px_per_m * lod_outline_error_m((enum detail)level, radius_m, renderer->unseen_share);
+    result->level = renderer->detail;
+    if (renderer->upload_pending && detail_needs_avatar(result->level))
+        result->level = DETAIL_PAPER;
+    else if (result->level == DETAIL_AUTO)
+        result->level = detail_choose(&renderer->costs, error_px, px_per_m, renderer->error_px, finest);
+    else if (result->level > finest)
+        result->level = finest;
+    result->error_px = error_px[result->level];
+    result->share_of_full = detail_share_of_full(&renderer->costs, result->level, px_per_m);
+    return status;
 }
 
 static enum status draw_cylinders(struct renderer *renderer, const struct draw_state *state,
@@ -662,6 +682,7 @@ enum status renderer_draw_background(struct renderer *renderer, const uint8_t *c
 enum status renderer_draw(struct renderer *renderer, const struct renderer_view *view, struct renderer_result *result)
 {
     *result = (struct renderer_result){.level = renderer->detail,
+                                       .share_of_full = NAN,
                                        .shown = -1,
                                        .source = -1,
                                        .width = renderer->drawn.width,
@@ -689,3 +710,94 @@ void renderer_set_sources(struct renderer *renderer, bool wanted)
 {
     renderer->writes_source = wanted && renderer->source;
 }
+
+// ---------------------------------------------------------------- costs
+
+// Sizes at which costs are measured: the actor at these distances. An actor fills an image's height from the nearer
+// one.
+static const double MEASURED_M[2] = {1.5, 6};
+
+enum { MEASURED_FRAMES = 3 }; // after one that is not timed
+
+static double now_ms(const struct renderer *renderer)
+{
+    return (double)(gpu_is_software(renderer->gpu) ? clock_process_ns() : clock_now_ns()) * 1e-6;
+}
+
+// From the sensor's direction, that far from the person's middle. False: the frame shows no person.
+static bool place_measured_view(const struct renderer *renderer, int64_t frame, double away_m,
+                                struct renderer_view *view)
+{
+    const struct take_entry *e = take_entry(renderer->take, frame);
+    if (!e->has_skeleton || !(e->skeleton.confidence[JOINT_WAIST] > 0))
+        return false;
+    const struct vec3 waist = pose_apply(e->world_from_camera, e->skeleton.joint[JOINT_WAIST]);
+    const struct vec3 back = quat_rotate(e->world_from_camera.rotation, v3(0, 0, -away_m));
+    *view = (struct renderer_view){.world_from_camera = {e->world_from_camera.rotation, v3_add(waist, back)},
+                                   .time_ns = e->time_ns - take_entry(renderer->take, 0)->time_ns};
+    return true;
+}
+
+static enum status time_drawing(struct renderer *renderer, const struct renderer_view *view, double *ms)
+{
+    struct renderer_result result;
+    struct gpu_fence *fence;
+    const double began_ms = now_ms(renderer);
+    enum status status = renderer_draw(renderer, view, &result);
+    if (status >= 0)
+        status = gpu_fence_open(&fence, renderer->gpu);
+    if (status != OK)
+        return status;
+    while (!gpu_fence_passed(fence, true))
+        ; // a second more
+    gpu_fence_close(&fence);
+    *ms = now_ms(renderer) - began_ms;
+    return gpu_check(renderer->gpu);
+}
+
+// One level at one size, from the take's frame `*next` on, which moves behind those that were drawn.
+static enum status measure_level(struct renderer *renderer, int size, int64_t *next)
+{
+    struct detail_costs *costs = &renderer->costs;
+    const int64_t frames = take_frame_count(renderer->take);
+    double playing = 0, still = INFINITY;
+    int timed = -1;
+    enum status status = OK;
+    for (int64_t tried = 0; tried < frames && timed < MEASURED_FRAMES && status == OK; tried++) {
+        struct renderer_view view;
+        double first_ms, again_ms = INFINITY;
+        if (!place_measured_view(renderer, (*next)++ % frames, MEASURED_M[size], &view))
+            continue;
+        status = time_drawing(renderer, &view, &first_ms);
+        if (status == OK)
+            status = time_drawing(renderer, &view, &again_ms);
+        if (++timed > 0) {
+            playing += first_ms / MEASURED_FRAMES;
+            still = fmin(still, again_ms);
+        }
+    }
+    costs->playing_ms[renderer->detail][size] = timed == MEASURED_FRAMES ? playing : INFINITY;
+    costs->still_ms[renderer->detail][size] = still;
+    return status;
+}
+
+enum status renderer_measure_costs(struct renderer *renderer)
+{
+    const enum detail asked = renderer->detail, finest = renderer_avatar(renderer) ? DETAIL_FULL : DETAIL_PARTS;
+    enum status status = OK;
+    renderer->costs = (struct detail_costs){0};
+    for (int level = 0; level < DETAIL_LEVELS; level++)
+        for (int size = 0; size < 2; size++) {
+            int64_t next = take_frame_count(renderer->take) / 2 + size * (MEASURED_FRAMES + 1); // all levels the same
+            renderer->detail = (enum detail)level;
+            renderer->costs.px_per_m[size] = renderer->drawn.fx / MEASURED_M[size];
+            renderer->costs.still_ms[level][size] = renderer->costs.playing_ms[level][size] = INFINITY;
+            if (status >= 0 && renderer->detail <= finest)
+                status = measure_level(renderer, size, &next);
+        }
+    renderer->detail = asked;
+    renderer->costs.measured = status >= 0;
+    return status < 0 ? status : OK;
+}
+
+const struct detail_costs *renderer_costs(const struct renderer *renderer) { return &renderer->costs; }

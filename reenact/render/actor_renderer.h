@@ -3,7 +3,7 @@
 // (base/level_of_detail.h), and composes it with the image; lens distortion included.
 // What an app needs beyond this, which draws continuously, follows below.
 //
-// Pure but for the GPU and the take: no clock; an image does not depend on those drawn
+// Pure but for the GPU and the take: no clock, but for renderer_measure_costs; an image does not depend on those drawn
 // before, unless view.within_ns allows it. One renderer, one thread: that of the GPU context.
 //
 // GPU memory is bounded, however long the take: options.texture_bytes for recorded frames
@@ -21,18 +21,20 @@
 
 // ---------------------------------------------------------------- lod error
 
-// Predicted error of each level of detail, before it is drawn: metres by which surface
-// points are displaced or wrongly coloured, times pixels per metre at the actor's distance.
-// Pure.
+// Predicted error of each level of detail, before it is drawn: how far the drawn outline is from the true one, on the
+// mean along it, metres, times pixels per metre at the actor's distance. Colours are not in it. Pure.
 
-// At the nearest joint. in_viewer: the skeleton to be shown, viewer camera's axes. 0: no joint is before the camera.
+// The mean over the joints. in_viewer: the skeleton to be shown, viewer camera's axes. 0: no joint is before the
+// camera.
 double lod_pixels_per_metre(const struct lens *lens, const struct skeleton *in_viewer);
 
-// cylinder_error_m: as above, or a typical value where there is no avatar. cost_m: of the
-// frame that frame_selector_find_body selected ([D14] eq. 5, a sum over the joints): its
-// mean joint distance displaces the projected colours.
-double lod_paper_error_m(double cylinder_error_m, double cost_m);
-double lod_full_error_m(void); // of the avatar
+// Mean radius of the body's cylinders: a big person's outline is farther off than a child's. 0: no part is known.
+double lod_body_radius_m(const struct body *body, const struct skeleton *skeleton);
+double lod_simple_error_m(void); // of the simple avatar (avatar.h), fused
+
+// Share of the avatar's surface that no frame showed: its shape is guessed there.
+double lod_unseen_share(const struct avatar *avatar);
+double lod_outline_error_m(enum detail level, double body_radius_m, double unseen_share); // level: below DETAIL_AUTO
 
 // ---------------------------------------------------------------- actor renderer
 
@@ -85,6 +87,7 @@ struct renderer_result {
     int width, height;     // of the actor's image, pixels: the lens's, or less (renderer_set_resolution_scale)
     struct gpu_box within; // in that image: nothing of an avatar was drawn outside; empty for cylinders
     double error_px;       // predicted, of the level drawn
+    double share_of_full;  // of DETAIL_FULL's time, by the costs measured before; NAN: none were
 };
 
 // Draws. For an image without a pose there is renderer_draw_background. OK also when no actor is
@@ -163,6 +166,14 @@ MUST_CHECK enum status renderer_set_lens(struct renderer *renderer, const struct
 
 // With options.sources: whether the next images write their sources, which costs time. Initially true.
 void renderer_set_sources(struct renderer *renderer, bool wanted);
+
+// Draws four recorded frames at each level and two sizes, which takes up to a second of the processor, and keeps what
+// they cost, so that DETAIL_AUTO chooses by it: elapsed time or, where the driver draws by the processor, that of all
+// threads. Again after another avatar was set. ERR_DEVICE; ERR_CORRUPT, ERR_IO: the take.
+MUST_CHECK enum status renderer_measure_costs(struct renderer *renderer);
+
+// As measured so far.
+const struct detail_costs *renderer_costs(const struct renderer *renderer);
 
 // Sets the level of the next images. Any, where options.detail was one that needs an avatar; else one that needs none.
 void renderer_set_detail(struct renderer *renderer, enum detail detail);

@@ -842,21 +842,24 @@ enum status avatar_renderer_warm_up(struct avatar_renderer *renderer, struct gpu
     return status == OK ? gpu_check(renderer->gpu) : status;
 }
 
-// Normals and irradiance of the points, of an avatar without a frame layer. transforms: world axes; camera: of the
-// frame, whose axes normals are in.
-static void fill_fused(struct avatar_renderer *renderer, const struct bone_transforms *transforms, struct quat camera)
+// Normals, world axes, and irradiance of the points, of an avatar without a frame layer. transforms: world axes.
+static void fill_fused(struct avatar_renderer *renderer, const struct bone_transforms *transforms)
 {
     const struct texture_atlas *atlas = &renderer->avatar.atlas;
-    const struct quat camera_from_world = quat_conjugate(camera);
+    struct map_columns maps[BONE_COUNT];
+    for (int b = 0; b < BONE_COUNT; b++) {
+        const struct affine_map map =
+            affine_from_pose((struct pose){transforms->bone[b].rotation, v3(0, 0, 0)}); // of directions
+        maps[b] = columns_of(&map);
+    }
     for (int i = 0; i < atlas->mesh.point_count; i++) {
         struct frame_layer_point *to = &renderer->fused.layer.points[i];
-        struct vec3 point, normal;
-        linear_blend_skin(&renderer->avatar.skins[atlas->mesh.points[i]], transforms, atlas->points[i],
-                          atlas->normals[i], &point, &normal);
-        const struct vec3 n = quat_rotate(camera_from_world, normal);
-        to->normal[0] = (float)n.x, to->normal[1] = (float)n.y, to->normal[2] = (float)n.z;
-        to->irradiance = sqrtf(sh_irradiance_at(&renderer->avatar.vertex_colors.irradiance,
-                                                (const float[3]){(float)normal.x, (float)normal.y, (float)normal.z}));
+        const struct vec3 bound = atlas->normals[i];
+        const struct point3f n = skin_point(&renderer->avatar.skins[atlas->mesh.points[i]], maps,
+                                            (struct point3f){(float)bound.x, (float)bound.y, (float)bound.z});
+        const float unit = 1 / fmaxf(sqrtf(n.x * n.x + n.y * n.y + n.z * n.z), 1e-6F);
+        to->normal[0] = n.x * unit, to->normal[1] = n.y * unit, to->normal[2] = n.z * unit;
+        to->irradiance = sqrtf(sh_irradiance_at(&renderer->avatar.vertex_colors.irradiance, to->normal));
     }
 }
 
@@ -877,7 +880,7 @@ static enum status find_layer_shown(struct avatar_renderer *renderer, const stru
         return status;
     *shown = bone_corrections_apply(shown, &(*out)->corrections);
     if (view->fused)
-        fill_fused(renderer, shown, take_entry(renderer->take, view->frame)->world_from_camera.rotation);
+        fill_fused(renderer, shown);
     return (*out)->points ? OK : NOTHING;
 }
 
@@ -903,8 +906,8 @@ enum status avatar_renderer_draw(struct avatar_renderer *renderer, const struct 
     if (corners.front == 0)
         return OK;
     upload_shown_mesh(renderer, now, &corners);
-    const struct affine_map viewer_from_frame =
-        affine_from_pose(pose_multiply(viewer_from_world, e->world_from_camera));
+    const struct affine_map viewer_from_frame = affine_from_pose(
+        view->fused ? viewer_from_world : pose_multiply(viewer_from_world, e->world_from_camera)); // of normals
     set_uniform(renderer, VIEWER_FROM_FRAME, viewer_from_frame.row[0], 3);
     const float time_s = (float)((double)(e->time_ns - take_entry(renderer->take, 0)->time_ns) * 1e-9);
     set_uniform(renderer, FRAME_PARAMS, (const float[4]){time_s, HALF_SILHOUETTE_PX, 0, 0}, 1);

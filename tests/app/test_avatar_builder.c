@@ -28,7 +28,7 @@ static struct built build(const char *path)
     struct built b = {0};
     const struct avatar_builder_options options = {path, rehearsed.take, count, &news};
     EXPECT_STATUS(avatar_builder_start(&p, &options), OK);
-    avatar_builder_begin(p, true);
+    avatar_builder_begin(p, AVATAR_WANTED_FULL);
     double share = 0;
     for (enum avatar_news got = AVATAR_NO_NEWS; got != AVATAR_FULL;) {
         EXPECT_AT_LEAST(avatar_builder_progress(p), share);
@@ -104,6 +104,39 @@ static void test_kept_avatar_is_the_same(void **state)
     avatar_free(&b.avatar);
 }
 
+// Who looks from afar waits for the simple avatar alone; the full one is made once it is wanted.
+static void test_full_avatar_waits_until_it_is_wanted(void **state)
+{
+    (void)state;
+    atomic_int news = 0;
+    struct avatar_builder *p;
+    struct avatar avatar;
+    enum status status;
+    enum avatar_news got;
+    struct recording_writer *writer; // so that nothing is kept for the other tests
+    const struct avatar_builder_options options = {rehearsed.rehearsal.file, rehearsed.take, count, &news};
+    EXPECT_STATUS(recording_append(&writer, rehearsed.rehearsal.file), OK);
+    EXPECT_STATUS(avatar_builder_start(&p, &options), OK);
+    avatar_builder_begin(p, AVATAR_WANTED_SIMPLE);
+    while ((got = avatar_builder_take(p, &avatar, &status)) == AVATAR_NO_NEWS)
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    EXPECT_INT(got, AVATAR_SIMPLE);
+    EXPECT_STATUS(status, OK);
+    avatar_free(&avatar);
+    avatar_builder_begin(p, AVATAR_WANTED_NONE); // never less
+    clock_sleep_until_ns(clock_now_ns() + 300000000);
+    EXPECT_INT(avatar_builder_take(p, &avatar, &status), AVATAR_NO_NEWS);
+    EXPECT_NEAR(avatar_builder_progress(p), 0, 0);
+    avatar_builder_begin(p, AVATAR_WANTED_FULL);
+    while ((got = avatar_builder_take(p, &avatar, &status)) == AVATAR_NO_NEWS)
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    EXPECT_INT(got, AVATAR_FULL);
+    EXPECT_STATUS(status, OK);
+    avatar_free(&avatar);
+    avatar_builder_close(&p);
+    EXPECT_STATUS(recording_close(&writer), OK);
+}
+
 static void test_cancel_at_any_moment(void **state)
 {
     (void)state;
@@ -112,7 +145,7 @@ static void test_cancel_at_any_moment(void **state)
         struct avatar_builder *p;
         const struct avatar_builder_options options = {rehearsed.rehearsal.file, rehearsed.take, count, &news};
         EXPECT_STATUS(avatar_builder_start(&p, &options), OK);
-        avatar_builder_begin(p, true);
+        avatar_builder_begin(p, AVATAR_WANTED_FULL);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
         avatar_builder_close(&p);
         EXPECT_TRUE(!p);
@@ -146,6 +179,7 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_full_avatar_waits_until_it_is_wanted),
         cmocka_unit_test(test_what_cannot_be_kept_is_said),
         cmocka_unit_test(test_kept_avatar_is_the_same),
         cmocka_unit_test(test_cancel_at_any_moment),

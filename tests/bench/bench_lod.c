@@ -261,7 +261,9 @@ static enum status open_level(struct lod_bench *s, int i)
     o.detail = plans[i].detail;
     o.error_px = plans[i].error_px;
     const double began_ms = bench_all_threads_ms(), before_mib = allocated_mib();
-    const enum status status = renderer_open(&s->level[i].renderer, s->gpu, s->data.own, &s->data.lens, &o);
+    enum status status = renderer_open(&s->level[i].renderer, s->gpu, s->data.own, &s->data.lens, &o);
+    if (status == OK && plans[i].detail == DETAIL_AUTO)
+        status = renderer_measure_costs(s->level[i].renderer);
     s->level[i].prepare_s = (bench_all_threads_ms() - began_ms) / 1000;
     s->level[i].kept_mib = allocated_mib() - before_mib;
     return status;

@@ -144,17 +144,17 @@ enum status bench_put_budget(const struct bench_page *page, const struct bench_w
 static void put_kept(FILE *f)
 {
     static const double distances[] = {0.7, 1, 1.5, 2, 3, 4, 6, 8, 12, 20, 40};
-    const double f_px = 1000, texel_m = 0.004, limb_m = 0.06, cylinder_m = 0.02;
+    const double f_px = 1000, texel_m = 0.004, limb_m = 0.06, radius_m = 0.08;
     fputs("<p>Only what the scene needs: <code>auto</code> draws the body cylinders where their predicted error would "
-          "be below a pixel (here a lens of f = 1000 px; cylinders 20 mm off the surface, and the frame that was "
-          "selected a perfect one), else the avatar. The avatar keeps its 2500 triangles and 4 mm texels at every "
+          "be below a pixel (here a lens of f = 1000 px), else the avatar. The avatar keeps its 2500 triangles and 4 "
+          "mm texels at every "
           "distance: it is three draw calls.</p><div class=\"scroll\"><table><tr><th>distance</th><th>px/m</th>"
           "<th>cylinders' error</th><th>avatar's error</th><th>auto takes</th><th>triangles</th><th>sides of a limb"
           "</th><th>a texel</th><th>frames' colours</th></tr>\n",
           f);
     for (size_t i = 0; i < COUNT_OF(distances); i++) {
-        const double scale = f_px / distances[i], paper = lod_paper_error_m(cylinder_m, 0) * scale,
-                     full = lod_full_error_m() * scale;
+        const double scale = f_px / distances[i], paper = lod_outline_error_m(DETAIL_PARTS, radius_m, 0) * scale,
+                     full = lod_outline_error_m(DETAIL_FULL, radius_m, 0) * scale;
         const bool cylinders = paper <= 1;
         const int sides = cylinder_sides(limb_m * scale, 1);
         fprintf(f,

@@ -322,8 +322,8 @@ static struct renderer_result draw_from(struct renderer *p, double back_m, doubl
     return result;
 }
 
-// DETAIL_AUTO draws DETAIL_PAPER exactly where its predicted error is below the threshold;
-// from farther away every level's predicted error is smaller.
+// While costs are not measured DETAIL_AUTO draws the coarsest level whose predicted error is allowed; once they are,
+// never one that takes longer than DETAIL_FULL. From farther away every level's predicted error is smaller.
 static void test_auto_error_stays_within_bound(void **state)
 {
     (void)state;
@@ -331,18 +331,28 @@ static void test_auto_error_stays_within_bound(void **state)
     double full_px[2], paper_px[2];
     for (int far = 0; far < 2; far++) {
         const double back_m = 3 * far;
-        struct renderer_result full = draw_from(p, back_m, 0), paper = draw_from(p, back_m, 1e3);
+        const struct renderer_result full = draw_from(p, back_m, 0), paper = draw_from(p, back_m, 1e3);
         EXPECT_INT(full.level, DETAIL_FULL);
         EXPECT_INT(paper.level, DETAIL_PAPER);
         full_px[far] = full.error_px, paper_px[far] = paper.error_px;
         EXPECT_AT_LEAST(paper_px[far], full_px[far]);
-        EXPECT_INT(draw_from(p, back_m, paper_px[far] * 0.99).level, DETAIL_FULL);
+        const struct renderer_result below = draw_from(p, back_m, paper_px[far] * 0.99);
+        EXPECT_TRUE(below.level != DETAIL_PAPER && below.error_px <= paper_px[far] * 0.99);
         EXPECT_INT(draw_from(p, back_m, paper_px[far] * 1.01).level, DETAIL_PAPER);
     }
     print_message("predicted: full %.2f and %.2f px, paper %.2f and %.2f px\n", full_px[0], full_px[1], paper_px[0],
                   paper_px[1]);
     EXPECT_AT_MOST(full_px[1], 0.7 * full_px[0]);
     EXPECT_AT_MOST(paper_px[1], 0.7 * paper_px[0]);
+    EXPECT_STATUS(renderer_measure_costs(p), OK);
+    const struct detail_costs *costs = renderer_costs(p);
+    for (int level = 0; level < DETAIL_LEVELS; level++)
+        print_message("%s: still %.2f and %.2f ms, playing %.2f and %.2f\n", detail_names[level],
+                      costs->still_ms[level][0], costs->still_ms[level][1], costs->playing_ms[level][0],
+                      costs->playing_ms[level][1]);
+    const struct renderer_result measured = draw_from(p, 3, 1e3);
+    EXPECT_TRUE(measured.share_of_full <= 1);
+    EXPECT_INT(draw_from(p, 3, 0).level, DETAIL_FULL);
     renderer_close(&p);
 }
 
