@@ -1,10 +1,10 @@
 // Radii of the body cylinders, measured in the representative frame of a take.
-// Method: Dayrit et al. 2014 [D14], section 4.1, equations 2 to 4; the outline lies at the depth of the bone, not of the
-// skin before it.
+// Method: Dayrit et al. 2014 [D14], section 4.1, equations 2 to 4; the outline lies at the depth of the bone, not of
+// the skin before it.
 //
 // Frames are added one after another while the take is recorded, so that an
-// interrupted take has radii, too; at its end they are taken again by the smoothed joints (take_smooth). Pure: no clock, no file; one struct per
-// take and thread. Joints in the colour camera's axes; the depth image is either
+// interrupted take has radii, too; at its end they are taken again by the smoothed joints (take_smooth). Pure: no
+// clock, no file; one struct per take and thread. Joints in the colour camera's axes; the depth image is either
 // registered or has its own lens and color_from_depth.
 #pragma once
 #include "base/lens.h"

@@ -83,8 +83,8 @@ enum view_action {
     DO_INSET,
     DO_FRAME_GRAPH,
     DO_THEME,
-    DO_TEXT_SIZE,       // the next
-    DO_DETAIL,          // + enum detail
+    DO_TEXT_SIZE, // the next
+    DO_DETAIL,    // + enum detail
     DO_DETAIL_LAST = DO_DETAIL + DETAIL_COUNT - 1,
     DO_MOVE,            // begin or end moving the actor
     DO_RESET_PLACEMENT, // put the actor back to where the take was filmed

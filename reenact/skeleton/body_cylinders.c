@@ -107,10 +107,7 @@ struct affine_map affine_multiply(const struct affine_map *a, const struct affin
 }
 
 // Rings of a round end: its outline is as fine as the circle's.
-static int cap_rings(enum cylinder_shape shape, int around)
-{
-    return shape == CYLINDER_ROUNDED ? (around + 3) / 4 : 0;
-}
+static int cap_rings(enum cylinder_shape shape, int around) { return shape == CYLINDER_ROUNDED ? (around + 3) / 4 : 0; }
 
 // Ring number i of `rings`, of which `caps` are of each end: its height and its radius.
 static void ring_at(int caps, double cap, int i, int rings, double *z, double *radius)

@@ -171,10 +171,8 @@ static void draw(struct set *s, uint8_t *rgba)
     EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, &s->rehearsed.source, &lens, 0), OK);
     EXPECT_STATUS(avatar_renderer_set_avatar(renderer, &given), OK);
     EXPECT_TRUE(avatar_renderer_upload_step(renderer, SIZE_MAX));
-    const struct avatar_view view = {.frame = s->moment.frame,
-                                     .skeleton = s->moment.skeleton,
-                                     .world_from_viewer = s->viewer,
-                                     .actor = target};
+    const struct avatar_view view = {
+        .frame = s->moment.frame, .skeleton = s->moment.skeleton, .world_from_viewer = s->viewer, .actor = target};
     EXPECT_STATUS(avatar_renderer_draw(renderer, &view, &parts, &within), OK);
     EXPECT_INT(parts, PART_COUNT);
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);

@@ -104,8 +104,8 @@ static void test_take_is_reproduced(void **state)
         double psnr = 10 * log10(255.0 * 255.0 / (sum / (double)count));
         print_message("%s: %ld pixels of %ld, psnr %.1f dB\n", detail_names[detail], drawn, person, psnr);
         EXPECT_AT_LEAST(count / 3.0, 0.5 * (double)person);
-        EXPECT_AT_LEAST(psnr, 45); // 47.1 measured
-        if (detail == DETAIL_PARTS || detail == DETAIL_FULL)     // round ends and all
+        EXPECT_AT_LEAST(psnr, 45);                           // 47.1 measured
+        if (detail == DETAIL_PARTS || detail == DETAIL_FULL) // round ends and all
             EXPECT_AT_LEAST((double)overlap / (double)(drawn + person - overlap), 0.93);
         renderer_close(&p);
     }
