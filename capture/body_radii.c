@@ -125,7 +125,11 @@ struct edge_walk {
     double furthest_px;
 };
 
-// Walks to the edge of the part. Returns the pixels walked, or -1 when the image border cuts the part.
+static bool is_trunk(enum part part) { return part == PART_UPPER_TORSO || part == PART_LOWER_TORSO; }
+
+// Walks to the edge of the part. Returns the pixels walked, or -1 when the image border cuts the part or something
+// nearer hides it; a limb also where another one begins: that is no outline of it. Lowered arms leave the trunk no
+// other.
 static double walk_to_edge(const struct projected_skeleton *seen, const struct person_image *image,
                            const struct edge_walk *walk)
 {
@@ -135,7 +139,12 @@ static double walk_to_edge(const struct projected_skeleton *seen, const struct p
         if (px < 0.5 || py < 0.5 || px > image->lens->width - 1.5 || py > image->lens->height - 1.5)
             return -1;
         int mm = person_mm(image, px, py);
-        if (!mm || fabs(mm / 1000.0 - z) > depth_limb_step_m(z) || !belongs_to(seen, walk->part, px, py))
+        if (mm && (mm / 1000.0 < z - depth_limb_step_m(z)))
+            return is_trunk(walk->part) ? step - 0.5 : -1;
+        const bool ends = !mm || mm / 1000.0 > z + depth_limb_step_m(z);
+        if (!ends && !belongs_to(seen, walk->part, px, py))
+            return is_trunk(walk->part) ? step - 0.5 : -1;
+        if (ends)
             return step - 0.5; // the edge lies between this pixel and the last
         z = mm / 1000.0;
     }
