@@ -109,7 +109,10 @@ static enum status use_sensor_pose(struct follower *follower, struct followed_fr
 {
     if (!follower->sensor_pose)
         return OK;
-    out->located = sensor_pose_get(follower->sensor_pose, &out->world_from_camera);
+    struct pose world_from_camera;
+    out->located = sensor_pose_get(follower->sensor_pose, &world_from_camera);
+    if (out->located)
+        out->world_from_camera = world_from_camera;
     sensor_pose_get_sight(follower->sensor_pose, &out->sight);
     out->sensor_moves = sensor_pose_moves(follower->sensor_pose);
     const bool moved = out->sensor_moves != follower->moves;
@@ -165,6 +168,8 @@ struct follower_points follower_query_points(struct follower *follower)
 enum status follower_track(struct follower *follower, const struct follower_frame *frame, struct followed_frame *out)
 {
     *out = (struct followed_frame){.world_from_camera = POSE_IDENTITY};
+    if (frame->has_odometry)
+        out->world_from_camera.rotation = frame->odometry_from_camera.rotation;
     enum status status = use_sensor_pose(follower, out);
     if (status != OK)
         return status;

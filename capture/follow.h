@@ -45,11 +45,13 @@ struct follower_frame {
     const uint8_t *color;  // RGB; NULL: none
     const uint16_t *depth; // millimetres, 0 = no reading; NULL: none, and no person then
     uint8_t *mask;         // gets one byte a depth pixel, 255 = the person; NULL: not wanted
+    bool has_odometry;     // as in struct frame (source.h)
+    struct pose odometry_from_camera;
 };
 
 struct followed_frame {
     bool located;                  // the sensor is, in the place
-    struct pose world_from_camera; // the place's world; the identity where it is not located
+    struct pose world_from_camera; // the place's world; where it is not located upright by odometry, else the identity
     struct sensor_sight sight;     // how well, and by which tags; without a place all 0
     int sensor_moves;              // how often the sensor was moved since the follower was opened
     bool person;

@@ -23,7 +23,8 @@ struct recorder_item {
     uint16_t *depth;
     size_t jpeg_bytes;
     struct pose world_from_camera;
-    bool located, has_skeleton, body_changed, has_points, after_pause;
+    bool located, has_skeleton, body_changed, has_points, after_pause, has_odometry;
+    struct pose odometry_from_camera; // as in struct frame
     struct body_points points;
     struct skeleton skeleton;
     struct body body;
@@ -56,6 +57,8 @@ static struct recorder_item *recorder_item_from_frame(const struct frame *frame,
     if (!item)
         return NULL;
     item->time_ns = frame->time_ns;
+    item->has_odometry = frame->has_odometry;
+    item->odometry_from_camera = frame->odometry_from_camera;
     item->world_from_camera = POSE_IDENTITY;
     bool whole = true;
     if (frame->color)
@@ -166,8 +169,12 @@ static void *look_at_all(void *context)
 
 static struct follower_frame frame_of_item(const struct recorder_item *item)
 {
-    return (struct follower_frame){
-        .time_ns = item->time_ns, .color = item->color, .depth = item->depth, .mask = item->mask};
+    return (struct follower_frame){.time_ns = item->time_ns,
+                                   .color = item->color,
+                                   .depth = item->depth,
+                                   .mask = item->mask,
+                                   .has_odometry = item->has_odometry,
+                                   .odometry_from_camera = item->odometry_from_camera};
 }
 
 // Smoothing is optional: where its memory cannot grow, it is given up and recording goes on.

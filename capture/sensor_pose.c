@@ -2,6 +2,7 @@
 #include "capture/sensor_pose.h"
 
 #include "base/portable_math.h"
+#include "base/registered_depth.h"
 #include "locate/tag_corners.h"
 #include "locate/tag_model.h"
 #include "recording/take_floor.h"
@@ -119,7 +120,8 @@ struct sensor_pose {
     uint8_t *gray;                // for it
     int mirror_looks, mirror_shows;
     struct sensor_sight sight;
-    double scale_sum; // of sight.depth_scale
+    uint16_t *resized; // depth on colour's pixels; NULL: it lies there already, or is not registered
+    double scale_sum;  // of sight.depth_scale
     int scales;
 };
 
@@ -152,7 +154,10 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
     struct lens lens = calibration->color;
     lens.readout_s = 0; // no rolling shutter correction: the sensor is at rest
     enum status status = locator_open(&s->locator, place, &lens, &options);
-    if (status == OK && !(s->references = malloc(sizeof *s->references * (size_t)(s->reference_count + 1))))
+    if (registered_depth_differs(calibration))
+        s->resized = malloc(lens_pixels(&calibration->color) * sizeof *s->resized);
+    if (status == OK && (!(s->references = malloc(sizeof *s->references * (size_t)(s->reference_count + 1))) ||
+                         (registered_depth_differs(calibration) && !s->resized)))
         status = fail(ERR_MEMORY, "no memory to locate the sensor");
     if (status != OK) {
         sensor_pose_close(&s);
@@ -175,6 +180,7 @@ void sensor_pose_close(struct sensor_pose **pose)
         mirrored_tags_close(&(*pose)->mirror);
         free((*pose)->gray);
         free((*pose)->references);
+        free((*pose)->resized);
     }
     free(*pose);
     *pose = NULL;
@@ -285,6 +291,17 @@ static enum status look_in_mirror(struct sensor_pose *pose, const uint8_t *color
     return status;
 }
 
+// Depth at colour's pixels; NULL: there is none.
+static const uint16_t *depth_on_color(struct sensor_pose *pose, const uint16_t *depth)
+{
+    if (!depth || !pose->calibration.registered)
+        return NULL;
+    if (!pose->resized)
+        return depth;
+    registered_depth_resize(&pose->calibration, depth, pose->resized);
+    return pose->resized;
+}
+
 enum status sensor_pose_update(struct sensor_pose *pose, const uint8_t *color, const uint16_t *depth)
 {
     const int64_t frame = pose->frame++;
@@ -295,7 +312,7 @@ enum status sensor_pose_update(struct sensor_pose *pose, const uint8_t *color, c
     if (!warming_up && frame % CHECK_EVERY && !soon)
         return OK;
     struct location found;
-    enum status status = locator_localize(pose->locator, color, pose->calibration.registered ? depth : NULL, &found);
+    enum status status = locator_localize(pose->locator, color, depth_on_color(pose, depth), &found);
     pose->sight.tag_count = locator_seen_tags(pose->locator, pose->sight.tags, SENSOR_SIGHT_TAGS);
     pose->sight.points = status == OK ? found.points_used : 0;
     note_depth_scale(pose);

@@ -1,5 +1,7 @@
 #include "locate/stream_turn.h"
 
+#include "base/registered_depth.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -106,7 +108,7 @@ static struct pixel turned_pixel(const struct lens *lens, struct pixel at, enum 
 // Where colour shows a depth pixel; far outside the image where it does not.
 static struct pixel seen_at(const struct calibration *calibration, struct pixel at, double z)
 {
-    if (calibration->registered)
+    if (calibration->registered && !registered_depth_differs(calibration))
         return at;
     const struct vec3 p = pose_apply(calibration->color_from_depth, v3_scale(lens_ray(&calibration->depth, at), z));
     return p.z > 0.05 ? lens_project(&calibration->color, p) : (struct pixel){-1e6, -1e6};

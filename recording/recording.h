@@ -46,10 +46,12 @@ MUST_CHECK enum status recording_begin_take(struct recording_writer *writer, con
 #define TAKE_TIME_MAX_NS (INT64_MAX / 2)
 
 struct take_frame {
-    int64_t time_ns;               // strictly increasing within the take
-    struct pose world_from_camera; // of the colour camera; identity without a place
-    bool located;                  // world_from_camera is measured, not assumed
-    const uint8_t *jpeg;           // NULL: no colour
+    int64_t time_ns; // strictly increasing within the take
+    // Of the colour camera. Without a place the identity or, where the sensor itself knows gravity, a rotation after
+    // which z is up.
+    struct pose world_from_camera;
+    bool located;        // world_from_camera is measured, not assumed
+    const uint8_t *jpeg; // NULL: no colour
     size_t jpeg_bytes;
     const uint16_t *depth; // NULL: no depth; else width * height of calibration.depth
     const uint8_t *mask;   // NULL: none; else one byte a depth pixel, not 0: the actor

@@ -2,6 +2,22 @@
 
 #include "base/floor_plane.h"
 
+// By the poses that are not measured: the identity says nothing, any other is upright.
+static enum status take_stated_up(const struct take *take, struct vec3 *up)
+{
+    struct vec3 sum = {0, 0, 0};
+    for (int64_t i = 0; i < take_frame_count(take); i++) {
+        const struct take_entry *e = take_entry(take, i);
+        const struct quat q = e->world_from_camera.rotation;
+        if (!e->located && (q.x != 0 || q.y != 0 || q.z != 0))
+            sum = v3_add(sum, quat_rotate(quat_conjugate(q), v3(0, 0, 1)));
+    }
+    if (!(v3_length(sum) > 0))
+        return NOTHING;
+    *up = v3_unit(sum);
+    return OK;
+}
+
 enum status take_floor_up(struct take *take, struct vec3 *up)
 {
     enum { LOOKS = 5 };
@@ -26,7 +42,7 @@ enum status take_floor_up(struct take *take, struct vec3 *up)
     for (int k = 0; k < floors; k++)
         agreeing += v3_dot(seen[k], mean) > alike;
     if (2 * agreeing <= LOOKS)
-        return NOTHING;
+        return take_stated_up(take, up);
     *up = quat_rotate(c->color_from_depth.rotation, mean);
     return OK;
 }

@@ -37,7 +37,8 @@ int capture_devices(int argc, char **argv)
         .options = options,
         .parser = parse_option,
         .doc = "Lists the depth sensors and cameras that can be opened, by the URI that --sensor and --camera take."
-               "\vNone is no error. Recordings (oni:FILE, mkv:FILE) and folders of pictures (folder:DIR) can always be "
+               "\vNone is no error. Recordings (oni:FILE, mkv:FILE, r3d:FILE, stray:DIR) and folders of pictures "
+               "(folder:DIR) can always be "
                "opened."};
     bool json = false;
     command_parse(&argp, argc, argv, &json);

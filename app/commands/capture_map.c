@@ -35,7 +35,7 @@ enum {
 };
 
 static const struct argp_option options[] = {
-    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
+    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: " SOURCE_SENSOR_URIS, 0},
     {"camera", KEY_CAMERA, "URI", 0,
      "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags give the "
      "scale, and landmarks are triangulated from several pictures",

@@ -239,7 +239,7 @@ static enum status record_take(const struct record_arguments *given, struct plac
 int capture_record(int argc, char **argv)
 {
     static const struct argp_option options[] = {
-        {"sensor", COMMAND_KEY, "URI", 0, "openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
+        {"sensor", COMMAND_KEY, "URI", 0, SOURCE_SENSOR_URIS, 0},
         {"into", COMMAND_KEY + 1, "FILE", 0, "add the take to this recording, whose place the sensor is located in", 0},
         {"out", COMMAND_KEY + 2, "FILE", 0, "make a new recording without a place", 0},
         {"take", COMMAND_KEY + 3, "NAME", 0, "the take's name", 0},

@@ -133,8 +133,7 @@ static enum status check_file(const char *path)
 int capture_studio(int argc, char **argv)
 {
     static const struct argp_option options[] = {
-        {"sensor", KEY_SENSOR, "URI", 0,
-         "openni, openni:N, oni:FILE, mkv:FILE or folder:DIR (default: choose in the window)", 0},
+        {"sensor", KEY_SENSOR, "URI", 0, SOURCE_SENSOR_URIS " (default: choose in the window)", 0},
         {"tags", KEY_TAGS, "TAGS.json", 0, "the room's tags, for mapping it (default: tags.json beside FILE)", 0},
         {"for", KEY_FOR, "PURPOSE", 0,
          "what takes are for: compare (turning round is not asked for), watch or both (the default)", 0},

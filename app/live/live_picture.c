@@ -1,6 +1,7 @@
 #include "app/live/live_picture.h"
 
 #include "base/portable_math.h"
+#include "base/registered_depth.h"
 
 #include <math.h>
 #include <string.h>
@@ -64,7 +65,7 @@ static void draw_limb(const struct lens *lens, const struct capsule *capsule, fl
 static void depth_on_color(const struct calibration *calibration, const uint16_t *depth, float *out)
 {
     const int width = calibration->color.width, height = calibration->color.height;
-    if (calibration->registered) {
+    if (calibration->registered && !registered_depth_differs(calibration)) {
         for (int i = 0; i < width * height; i++)
             out[i] = (float)depth[i] * 0.001f;
         return;

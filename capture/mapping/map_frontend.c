@@ -215,7 +215,10 @@ static enum status copy_frame(struct slot *slot, const struct calibration *calib
                               int32_t number)
 {
     slot->result = (struct map_frontend_result){.frame = *frame, .number = number};
-    slot->result.observed = (struct map_frame){.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
+    slot->result.observed = (struct map_frame){.time_ns = frame->time_ns,
+                                               .camera_from_world = POSE_IDENTITY,
+                                               .has_odometry = frame->has_odometry,
+                                               .odometry_from_camera = frame->odometry_from_camera};
     slot->result.frame.dmabuf = NULL;
     memcpy(slot->color, frame->color, (size_t)calibration->color.width * (size_t)calibration->color.height * 3);
     slot->result.frame.color = slot->color;

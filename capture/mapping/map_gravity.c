@@ -110,6 +110,22 @@ static struct vec3 mean_camera_up(const struct map *map)
     return v3_unit(held);
 }
 
+// Up by gravity, which odometry knows: the mean over the placed frames that have it. False: none has.
+static bool up_from_odometry(const struct map *map, struct vec3 *up)
+{
+    struct vec3 sum = v3(0, 0, 0);
+    for (int32_t i = 0; i < map->frame_count; i++) {
+        const struct map_frame *f = &map->frames[i];
+        const struct vec3 in_camera = quat_rotate(quat_conjugate(f->odometry_from_camera.rotation), v3(0, 0, 1));
+        if (f->placed && f->has_odometry)
+            sum = v3_add(sum, quat_rotate(quat_conjugate(f->camera_from_world.rotation), in_camera));
+    }
+    if (!(v3_length(sum) > 0))
+        return false;
+    *up = v3_unit(sum);
+    return true;
+}
+
 // Votes of all tags for direction d: each votes with its first axis that is parallel to d. *sum: the sum of those axes.
 static double count_votes(const struct map *map, struct vec3 d, struct vec3 *sum)
 {
@@ -284,11 +300,14 @@ static struct vec3 up_for(const struct map *map, const struct surface_samples *a
     return map->tag_count ? up_from_tags(map, held) : up_from_surfaces(all, held);
 }
 
-// Up, by tags or surfaces, both of which leave open which way round: as the camera was held, unless what it saw stands
-// on its head. A room has floor, seats and tables that face up, and little but the ceiling faces down. A tag tells
-// nothing: some print theirs upside down, and some hang them on the ceiling.
+// Up: by odometry; else by tags or surfaces, both of which leave open which way round: as the camera was held, unless
+// what it saw stands on its head. A room has floor, seats and tables that face up, and little but the ceiling faces
+// down. A tag tells nothing: some print theirs upside down, and some hang them on the ceiling.
 static struct vec3 find_up(const struct map *map, const struct surface_samples *all, struct surface_samples *flat)
 {
+    struct vec3 by_gravity;
+    if (up_from_odometry(map, &by_gravity))
+        return by_gravity;
     const struct vec3 held = mean_camera_up(map), up = up_for(map, all, held),
                       other = up_for(map, all, v3_scale(held, -1));
     const struct facing as_held = area_facing(all, up, flat), turned = area_facing(all, other, flat);
@@ -297,7 +316,7 @@ static struct vec3 find_up(const struct map *map, const struct surface_samples *
     return hung ? other : up;
 }
 
-// Up, by tags where there are some, else by surfaces, and the floor's height along
+// Up, by odometry, by tags where there are some, else by surfaces, and the floor's height along
 // it where it was seen in depth: OK, else NOTHING and *height unchanged.
 static enum status find_floor(const struct map *map, struct vec3 *up, double *height)
 {

@@ -45,6 +45,8 @@ struct map_frame {
     bool placed;     // camera_from_world is known
     bool visited;    // its landmarks are in the map
     struct pose camera_from_world;
+    bool has_odometry;
+    struct pose odometry_from_camera; // as in struct frame
 };
 
 struct map_tag {
@@ -218,7 +220,8 @@ MUST_CHECK enum status map_copy_prior_views(const struct place *prior, struct pl
 // Landmarks that are in the map twice, because the sweep came back to them, become one; then everything is adjusted.
 MUST_CHECK enum status map_close_loops(struct map *map);
 
-// Rotates and shifts the world so that z is up, z = 0 the floor, x along the x axis of the tag with the lowest number;
+// Rotates and shifts the world so that z is up (by odometry where the sensor has it, else by tags or surfaces; then by
+// the floor, where it was seen), z = 0 the floor, x along the x axis of the tag with the lowest number;
 // without tags, x to the right of the first placed frame's view and the origin below it. *floor: the floor was fitted
 // to depth.
 MUST_CHECK enum status map_align_gravity(struct map *map, bool *floor);

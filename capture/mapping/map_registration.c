@@ -464,13 +464,24 @@ static bool refine_and_register(struct map *map, struct map_scratch *scratch, st
     return true;
 }
 
-// First guess: the neighbour's pose, moved on as the neighbour was from the frame before it. Second: without motion.
+// The neighbour's pose, moved on as odometry moved from it to the frame.
+static struct pose move_by_odometry(const struct map_frame *frame, const struct map_frame *neighbour)
+{
+    const struct pose frame_from_neighbour =
+        pose_multiply(pose_inverse(frame->odometry_from_camera), neighbour->odometry_from_camera);
+    return pose_multiply(frame_from_neighbour, neighbour->camera_from_world);
+}
+
+// First guess: by odometry; without it the neighbour's pose, moved on as the neighbour was from the frame before it.
+// Second: without motion.
 static bool register_from_neighbour(struct map *map, struct map_scratch *scratch, int32_t i, int step)
 {
     const struct map_frame *neighbour = &map->frames[i - step];
     struct pose guess = neighbour->camera_from_world;
     int32_t before = i - 2 * step;
-    if (before >= 0 && before < map->frame_count && map->frames[before].placed)
+    if (map->frames[i].has_odometry && neighbour->has_odometry)
+        guess = move_by_odometry(&map->frames[i], neighbour);
+    else if (before >= 0 && before < map->frame_count && map->frames[before].placed)
         guess = pose_multiply(pose_multiply(guess, pose_inverse(map->frames[before].camera_from_world)), guess);
     map_index_features(scratch, map, &map->frames[i]);
     return refine_and_register(map, scratch, &map->frames[i], guess) ||

@@ -1,4 +1,5 @@
 // The mapper: collects the frames of a sweep, runs the steps of mapping in order, exports the place and the report.
+#include "base/registered_depth.h"
 #include "capture/mapping/map_frontend.h"
 #include "capture/mapping/sweep_tracker.h"
 #include "platform/files/jpeg.h"
@@ -13,6 +14,8 @@ struct mapper {
     struct mapper_options options;
     struct map_frontend *frontend;
     struct sweep_tracker *sweep; // NULL: without a plan
+    struct calibration given;    // of the frames; the map's depth lies on colour's pixels
+    uint16_t *resized;           // depth on them; NULL: the frames' lies there already
     int32_t frames_seen, stride, image_stride;
     int32_t still;                         // frames that showed the same view as the last one kept, one after the other
     int32_t frames_with_tag[TAG_ID_COUNT]; // frames that show the tag, listed or not
@@ -45,7 +48,7 @@ static enum status check_input(const struct calibration *calibration, const stru
     if (tag_count < 0 || tag_count > MAPPER_MAX_TAGS)
         return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
     if (!tag_count && !(options->prior && options->prior->tag_count) &&
-        (!map_depth_usable(calibration) || !options->max_points))
+        ((!map_depth_usable(calibration) && !registered_depth_differs(calibration)) || !options->max_points))
         return fail(ERR_INPUT, "without tags the scale of a place comes from depth on the colour's pixels, and this "
                                "sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
@@ -63,7 +66,9 @@ static enum status open_parts(struct mapper *mapper, const struct mapper_tag *ta
 {
     struct map *map = &mapper->map;
     map->frames = calloc(MAP_MAX_FRAMES, sizeof *map->frames);
-    if (!map->frames)
+    if (registered_depth_differs(&mapper->given))
+        mapper->resized = malloc(lens_pixels(&mapper->given.color) * sizeof *mapper->resized);
+    if (!map->frames || (registered_depth_differs(&mapper->given) && !mapper->resized))
         return fail(ERR_MEMORY, "no memory to map a place");
     enum status status = map_load_prior(map, mapper->options.prior, tags, tag_count);
     if (status == OK && mapper->options.plan)
@@ -82,7 +87,9 @@ enum status mapper_open(struct mapper **out, const struct calibration *calibrati
     struct mapper *m = calloc(1, sizeof *m);
     if (!m)
         return fail(ERR_MEMORY, "no memory to map a place");
-    m->map.calibration = *calibration;
+    m->map.calibration = m->given = *calibration;
+    if (registered_depth_differs(calibration))
+        m->map.calibration.depth = calibration->color;
     m->map.depth_scale = 1;
     m->map.on_step = wanted.on_step;
     m->map.self = wanted.self;
@@ -116,6 +123,7 @@ void mapper_close(struct mapper **out)
     free(m->map.tags);
     free(m->map.points);
     free(m->map.point_observations);
+    free(m->resized);
     free(m);
     *out = NULL;
 }
@@ -249,8 +257,13 @@ enum status mapper_add(struct mapper *mapper, const struct frame *frame)
     const int32_t stride = mapper->sweep && mapper->stride > PLAN_STRIDE ? PLAN_STRIDE : mapper->stride;
     if (number % stride)
         return OK;
+    struct frame on_color = *frame;
+    if (mapper->resized && frame->depth) {
+        registered_depth_resize(&mapper->given, frame->depth, mapper->resized);
+        on_color.depth = mapper->resized;
+    }
     enum status status = map_frontend_full(mapper->frontend) ? take_frame(mapper) : OK;
-    return status == OK ? map_frontend_put(mapper->frontend, frame, number) : status;
+    return status == OK ? map_frontend_put(mapper->frontend, &on_color, number) : status;
 }
 
 void mapper_get_progress(const struct mapper *mapper, struct mapper_progress *out)

@@ -57,7 +57,9 @@ MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration
                                    const struct mapper_options *options);
 
 // Has tags and features detected in a copy of the frame; waits only while several frames are in work. A frame
-// without colour is ignored. Depth is used where the calibration says `registered`.
+// without colour is ignored. Depth is used where the calibration says `registered`; of another size than colour it is
+// interpolated at colour's pixels (base/registered_depth.h), and so it lies in the place's views. Odometry, where the
+// frame has it, tells where to look for a frame from its neighbour, and which way is up.
 // Of a long sweep every second, fourth ... frame is kept, so that memory is bounded; and of a sensor that stands still
 // only some.
 // ERR_MEMORY, ERR_SOLVER, which may be an earlier frame's: it and this frame are left out, the mapper stays usable.

@@ -13,11 +13,13 @@
     X(av_dict_free) X(av_dict_get) X(av_dict_set) X(av_find_input_format) X(av_frame_alloc) X(av_frame_free)           \
     X(av_frame_get_buffer) X(av_frame_make_writable) X(av_free) X(av_freep) X(av_interleaved_write_frame)              \
     X(av_log_set_level) X(av_malloc) X(av_opt_set) X(av_packet_alloc) X(av_packet_free) X(av_packet_rescale_ts)        \
-    X(av_read_frame) X(av_rescale) X(av_rescale_q) X(av_strerror) X(av_write_trailer) X(avcodec_alloc_context3)        \
-    X(avcodec_find_encoder) X(avcodec_free_context) X(avcodec_open2) X(avcodec_parameters_from_context)                \
-    X(avcodec_receive_packet) X(avcodec_send_frame) X(avformat_alloc_output_context2) X(avformat_close_input)          \
-    X(avformat_free_context) X(avformat_new_stream) X(avformat_open_input) X(avformat_write_header)                    \
-    X(avio_alloc_context) X(avio_context_free) X(sws_freeContext) X(sws_getContext) X(sws_scale)
+    X(av_packet_unref) X(av_read_frame) X(av_rescale) X(av_rescale_q) X(av_strerror) X(av_write_trailer)               \
+    X(avcodec_alloc_context3) X(avcodec_find_decoder) X(avcodec_find_encoder) X(avcodec_free_context)                  \
+    X(avcodec_open2) X(avcodec_parameters_from_context) X(avcodec_parameters_to_context) X(avcodec_receive_frame)      \
+    X(avcodec_receive_packet) X(avcodec_send_frame) X(avcodec_send_packet) X(avformat_alloc_output_context2)           \
+    X(avformat_close_input) X(avformat_free_context) X(avformat_new_stream) X(avformat_open_input)                     \
+    X(avformat_write_header) X(avio_alloc_context) X(avio_context_free) X(sws_freeContext) X(sws_getContext)           \
+    X(sws_scale)
 // clang-format on
 
 struct ffmpeg_library {

@@ -42,7 +42,7 @@ static const struct mark {
     MARK(4, "ftyp", "a film (MP4 or alike)"),
     MARK(8, "AVI ", "a film (AVI)"),
     MARK(0, "\x89MCAP", "an MCAP file"),
-    MARK(0, "PK\x03\x04", "a zip archive: unpack it first"),
+    MARK(0, "PK\x03\x04", "a zip archive: unpack it first, or give one of Record3D as a sensor, r3d:FILE"),
     MARK(0, "PK\x05\x06", "a zip archive with nothing in it"),
     MARK(0, "\x1f\x8b", "packed (gzip): unpack it first"),
     MARK(0, "BZh", "packed (bzip2): unpack it first"),

@@ -4,6 +4,7 @@
 #include "platform/files/file.h"
 #include "platform/sensors/source_internal.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -30,6 +31,8 @@ static const struct scheme schemes[] = {
     {"openni", true, false, OPTIONAL_ARGUMENT, "openni:0", openni_open, &openni_kind},
     {"oni", true, false, NEEDS_ARGUMENT, "oni:FILE", oni_open, &oni_kind},
     {"mkv", true, false, NEEDS_ARGUMENT, "mkv:FILE", mkv_open, &mkv_kind},
+    {"r3d", true, false, NEEDS_ARGUMENT, "r3d:FILE", record3d_open, &record3d_kind},
+    {"stray", true, false, NEEDS_ARGUMENT, "stray:DIR", stray_open, &stray_kind},
     {"libcamera", false, true, OPTIONAL_ARGUMENT, "libcamera:0", libcamera_open, &libcamera_kind},
     {"folder", true, true, NEEDS_ARGUMENT, "folder:DIR", folder_open, &folder_kind},
 };
@@ -50,12 +53,17 @@ static const char *missing_scheme(const char *path, enum source_wanted wanted)
 {
     struct stat about;
     const char *kind = file_kind(path);
-    if (!stat(path, &about) && S_ISDIR(about.st_mode))
-        return "folder";
+    if (!stat(path, &about) && S_ISDIR(about.st_mode)) {
+        char odometry[FILE_PATH_BYTES];
+        snprintf(odometry, sizeof odometry, "%s/odometry.csv", path);
+        return wanted == SOURCE_SENSOR && file_exists(odometry) ? "stray" : "folder";
+    }
     if (!kind || wanted != SOURCE_SENSOR)
         return NULL;
     if (strstr(kind, "oni:FILE"))
         return "oni";
+    if (strstr(kind, "r3d:FILE"))
+        return "r3d";
     return strstr(kind, "mkv:FILE") ? "mkv" : NULL;
 }
 
@@ -64,8 +72,7 @@ enum status source_open(struct source **out, const char *uri, enum source_wanted
     assert(out && uri);
     *out = NULL;
     const char *what = wanted == SOURCE_SENSOR ? "sensor" : "camera";
-    const char *choice = wanted == SOURCE_SENSOR ? "openni, openni:N, oni:FILE, mkv:FILE or folder:DIR"
-                                                 : "libcamera, libcamera:N or folder:DIR";
+    const char *choice = wanted == SOURCE_SENSOR ? SOURCE_SENSOR_URIS : "libcamera, libcamera:N or folder:DIR";
     for (size_t i = 0; i < COUNT_OF(schemes); i++) {
         const struct scheme *scheme = &schemes[i];
         const char *argument = uri_argument(uri, scheme->name);

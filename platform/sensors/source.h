@@ -1,12 +1,13 @@
-// Frame sources: a depth sensor (OpenNI2, an .oni file, an Azure Kinect's .mkv, a folder) or a tablet's
-// camera (libcamera, a folder). All are opened by URI and read the same way.
+// Frame sources: a depth sensor (OpenNI2, an .oni file, an Azure Kinect's .mkv, a telephone's recording, a folder) or a
+// tablet's camera (libcamera, a folder). All are opened by URI and read the same way.
 //
-//   sensors   openni  openni:N  oni:FILE  mkv:FILE  folder:DIR
+//   sensors   openni  openni:N  oni:FILE  mkv:FILE  r3d:FILE  stray:DIR  folder:DIR
 //   cameras   libcamera  libcamera:N  folder:DIR
 //
 // A folder is the TUM RGB-D layout (rgb.txt, depth.txt: seconds and file) with
 // a calibration.json beside it; colour and depth are paired by time, at most
-// half a frame apart. One handle belongs to one thread.
+// half a frame apart. A telephone's recordings are Record3D's .r3d and Stray Scanner's folders (telephone.h). One
+// handle belongs to one thread.
 #pragma once
 #include "base/lens.h"
 #include "base/pixels.h"
@@ -62,6 +63,10 @@ struct frame {
     // The colour image in the driver's memory, after source_enable_dmabuf; or NULL. The caller of source_next
     // releases it.
     struct dmabuf_image *dmabuf;
+    // Where the source itself has the colour camera (a telephone's odometry): in axes of its own that stand upright, z
+    // against gravity, and drift.
+    bool has_odometry;
+    struct pose odometry_from_camera;
 };
 
 struct source;
@@ -73,6 +78,9 @@ struct source_kind {
 };
 
 enum source_wanted { SOURCE_SENSOR, SOURCE_CAMERA };
+
+// What a sensor's URI may be, for sentences and helps.
+#define SOURCE_SENSOR_URIS "openni, openni:N, oni:FILE, mkv:FILE, r3d:FILE, stray:DIR or folder:DIR"
 
 // ERR_INPUT: no URI of that kind, invalid calibration, images of the wrong size.
 // ERR_MISSING: no such device or folder. ERR_DEVICE: it does not start.

@@ -40,6 +40,12 @@ extern const struct source_kind oni_kind;
 source_opener mkv_open; // where: the file; in azure_kinect.c
 extern const struct source_kind mkv_kind;
 
+source_opener record3d_open; // where: the file; in record3d.c
+extern const struct source_kind record3d_kind;
+
+source_opener stray_open; // where: the folder; in stray_scanner.c
+extern const struct source_kind stray_kind;
+
 source_opener libcamera_open; // where: "" or the number of the camera
 extern const struct source_kind libcamera_kind;
 

@@ -158,6 +158,7 @@ static void test_what_is_no_recording(void **state)
         EXPECT_STATUS(source_open(&s, path, SOURCE_SENSOR), ERR_INPUT);
         EXPECT_SAYS(!strcmp(cases[i].name, "oni")   ? "write oni:/"
                     : !strcmp(cases[i].name, "mkv") ? "write mkv:/"
+                    : !strcmp(cases[i].name, "zip") ? "write r3d:/"
                                                     : "names no sensor; a sensor is");
         EXPECT_STATUS(source_open(&s, scratch.path, SOURCE_CAMERA), ERR_INPUT);
         EXPECT_SAYS("write folder:/");
