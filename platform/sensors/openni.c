@@ -804,6 +804,7 @@ enum status openni_devices(struct source_device *out, int capacity, int *count)
         if (oniGetDeviceList(&list, &found) != ONI_STATUS_OK)
             found = 0;
         for (int i = 0; i < found && i < capacity; i++) {
+            out[i] = (struct source_device){.usb_vendor = list[i].usbVendorId, .usb_product = list[i].usbProductId};
             snprintf(out[i].uri, sizeof out[i].uri, "openni:%d", i);
             snprintf(out[i].name, sizeof out[i].name, "%.60s %.60s", list[i].vendor, list[i].name);
         }

@@ -125,6 +125,7 @@ void source_close(struct source **source); // NULL is fine; sets *source = NULL
 struct source_device {
     char uri[256];
     char name[128];
+    uint16_t usb_vendor, usb_product; // 0: not known
 };
 // Fills at most `capacity`; *count is the number of devices. No device is OK with 0.
 MUST_CHECK enum status source_devices(struct source_device *out, int capacity, int *count);
