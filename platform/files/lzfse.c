@@ -73,8 +73,9 @@ static bool put_match(struct output *output, size_t distance, size_t count)
         return true;
     if (!distance || distance > (size_t)(output->at - output->begin) || count > (size_t)(output->end - output->at))
         return false;
+    const uint8_t *from = output->at - distance;
     for (size_t i = 0; i < count; i++)
-        output->at[i] = output->at[i - distance];
+        output->at[i] = from[i];
     output->at += count;
     return true;
 }

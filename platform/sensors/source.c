@@ -33,6 +33,7 @@ static const struct scheme schemes[] = {
     {"mkv", true, false, NEEDS_ARGUMENT, "mkv:FILE", mkv_open, &mkv_kind},
     {"r3d", true, false, NEEDS_ARGUMENT, "r3d:FILE", record3d_open, &record3d_kind},
     {"stray", true, false, NEEDS_ARGUMENT, "stray:DIR", stray_open, &stray_kind},
+    {"v4l2", true, false, OPTIONAL_ARGUMENT, "v4l2:0", v4l2_open, &v4l2_kind},
     {"libcamera", false, true, OPTIONAL_ARGUMENT, "libcamera:0", libcamera_open, &libcamera_kind},
     {"folder", true, true, NEEDS_ARGUMENT, "folder:DIR", folder_open, &folder_kind},
 };
@@ -156,13 +157,15 @@ void source_close(struct source **source)
 // A kind that cannot enumerate (no driver, no camera stack) counts as having no devices.
 enum status source_devices(struct source_device *out, int capacity, int *count)
 {
-    int sensors = 0, cameras = 0;
-    if (openni_devices(out, capacity, &sensors) != OK)
-        sensors = 0;
-    int filled = sensors < capacity ? sensors : capacity;
-    if (libcamera_devices(out + filled, capacity - filled, &cameras) != OK)
-        cameras = 0;
-    *count = sensors + cameras;
+    enum status (*const kinds[])(struct source_device *, int, int *) = {openni_devices, v4l2_devices,
+                                                                        libcamera_devices};
+    *count = 0;
+    for (size_t i = 0; i < COUNT_OF(kinds); i++) {
+        int found;
+        const int filled = *count < capacity ? *count : capacity;
+        if (kinds[i](out + filled, capacity - filled, &found) == OK)
+            *count += found;
+    }
     return OK;
 }
 

@@ -1,7 +1,7 @@
-// Frame sources: a depth sensor (OpenNI2, an .oni file, an Azure Kinect's .mkv, a telephone's recording, a folder) or a
-// tablet's camera (libcamera, a folder). All are opened by URI and read the same way.
+// Frame sources: a depth sensor (OpenNI2, Video4Linux, an .oni file, an Azure Kinect's .mkv, a telephone's recording, a
+// folder) or a tablet's camera (libcamera, a folder). All are opened by URI and read the same way.
 //
-//   sensors   openni  openni:N  oni:FILE  mkv:FILE  r3d:FILE  stray:DIR  folder:DIR
+//   sensors   openni  openni:N  v4l2  v4l2:N  oni:FILE  mkv:FILE  r3d:FILE  stray:DIR  folder:DIR
 //   cameras   libcamera  libcamera:N  folder:DIR
 //
 // A folder is the TUM RGB-D layout (rgb.txt, depth.txt: seconds and file) with
@@ -80,7 +80,7 @@ struct source_kind {
 enum source_wanted { SOURCE_SENSOR, SOURCE_CAMERA };
 
 // What a sensor's URI may be, for sentences and helps.
-#define SOURCE_SENSOR_URIS "openni, openni:N, oni:FILE, mkv:FILE, r3d:FILE, stray:DIR or folder:DIR"
+#define SOURCE_SENSOR_URIS "openni, openni:N, v4l2, v4l2:N, oni:FILE, mkv:FILE, r3d:FILE, stray:DIR or folder:DIR"
 
 // ERR_INPUT: no URI of that kind, invalid calibration, images of the wrong size.
 // ERR_MISSING: no such device or folder. ERR_DEVICE: it does not start.

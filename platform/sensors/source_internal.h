@@ -46,11 +46,15 @@ extern const struct source_kind record3d_kind;
 source_opener stray_open; // where: the folder; in stray_scanner.c
 extern const struct source_kind stray_kind;
 
+source_opener v4l2_open; // where: "" or the number of the node
+extern const struct source_kind v4l2_kind;
+
 source_opener libcamera_open; // where: "" or the number of the camera
 extern const struct source_kind libcamera_kind;
 
 // As source_devices, for one kind.
 MUST_CHECK enum status openni_devices(struct source_device *out, int capacity, int *count);
+MUST_CHECK enum status v4l2_devices(struct source_device *out, int capacity, int *count);
 MUST_CHECK enum status libcamera_devices(struct source_device *out, int capacity, int *count);
 
 // As calibration_read(), and the length of one unit of the depth images in

@@ -23,6 +23,7 @@ static const char orbbec[] =
     "for a first Astra Orbbec's driver for OpenNI2 (liborbbec) in OpenNI2/Drivers; later ones (Astra 2, Gemini, Femto) "
     "speak the maker's SDK alone, which these programs do not use";
 static const char realsense[] =
+    "the kernel's driver uvcvideo, with which it is v4l2:N, and the right to open its /dev/video (group video); or "
     "librealsense's driver for OpenNI2 (built with BUILD_OPENNI2_BINDINGS) in OpenNI2/Drivers";
 static const char oak[] = "the maker's depthai, which these programs do not use";
 static const char telephone[] = "to be filmed with: with Record3D or Stray Scanner, if it has a LiDAR sensor; copy the "
