@@ -390,8 +390,7 @@ static enum status prepare_run(struct calibration_run *run)
 // A depth sensor's colour camera is a camera, too.
 static enum source_wanted kind_of(const struct camera_arguments *arguments, const char *uri)
 {
-    return arguments->color_depth || !strncmp(uri, "openni", 6) || !strncmp(uri, "oni:", 4) ? SOURCE_SENSOR
-                                                                                            : SOURCE_CAMERA;
+    return arguments->color_depth || source_uri_is_sensor(uri) ? SOURCE_SENSOR : SOURCE_CAMERA;
 }
 
 // What is to be measured: of which input, and by what.

@@ -228,8 +228,7 @@ enum status calibration_write(const char *path, const struct calibration *calibr
 
 // ------------------------------------------------------------- tablet cameras
 
-// ERR_INPUT: there is no home folder, or the path is too long.
-static enum status camera_file(const char *id, char *path, size_t size)
+enum status camera_calibration_file(const char *id, char *path, size_t size)
 {
     const char *config = getenv("XDG_CONFIG_HOME"), *home = getenv("HOME");
     int length;
@@ -249,7 +248,7 @@ static enum status camera_file(const char *id, char *path, size_t size)
 // The same, its folder made where it is missing. Errors of folder_make, too.
 static enum status camera_file_for_writing(const char *id, char *path, size_t size)
 {
-    const enum status status = camera_file(id, path, size);
+    const enum status status = camera_calibration_file(id, path, size);
     if (status != OK)
         return status;
     char *slash = strrchr(path, '/');
@@ -263,7 +262,7 @@ enum status camera_lens_read(const char *id, struct lens *out)
 {
     char path[4096];
     struct calibration c;
-    enum status status = camera_file(id, path, sizeof path);
+    enum status status = camera_calibration_file(id, path, sizeof path);
     if (status != OK)
         return status;
     if (!file_exists(path))
@@ -332,7 +331,7 @@ enum status device_calibration_apply(const char *id, struct calibration *calibra
 {
     char path[4096];
     struct calibration stored;
-    enum status status = camera_file(id, path, sizeof path);
+    enum status status = camera_calibration_file(id, path, sizeof path);
     if (status != OK)
         return status;
     if (!file_exists(path))

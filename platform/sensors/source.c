@@ -49,6 +49,14 @@ static const char *uri_argument(const char *uri, const char *name)
     return uri[length] ? NULL : uri + length;
 }
 
+bool source_uri_is_sensor(const char *uri)
+{
+    for (size_t i = 0; i < COUNT_OF(schemes); i++)
+        if (uri_argument(uri, schemes[i].name))
+            return !schemes[i].camera;
+    return false;
+}
+
 // The scheme that is missing before the path of a file or folder that is there; NULL: it is none that could be opened.
 static const char *missing_scheme(const char *path, enum source_wanted wanted)
 {

@@ -87,6 +87,9 @@ enum source_wanted { SOURCE_SENSOR, SOURCE_CAMERA };
 // On error *out is NULL.
 MUST_CHECK enum status source_open(struct source **out, const char *uri, enum source_wanted wanted);
 
+// Whether it can only be a sensor's, whether or not that is there.
+bool source_uri_is_sensor(const char *uri);
+
 // Valid until source_close.
 const struct calibration *source_calibration(const struct source *source);
 

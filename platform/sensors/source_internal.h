@@ -68,6 +68,9 @@ MUST_CHECK enum status calibration_read_with_unit(const char *path, struct calib
 // *out is untouched unless OK.
 MUST_CHECK enum status camera_lens_read(const char *id, struct lens *out);
 
+// The name of that file. ERR_INPUT: there is no home folder, or the path is too long.
+MUST_CHECK enum status camera_calibration_file(const char *id, char *path, size_t size);
+
 // Writes that file, focal_sigma included. ERR_INPUT: no home folder. ERR_IO.
 MUST_CHECK enum status camera_lens_save(const char *id, const struct lens *lens);
 

@@ -5,12 +5,13 @@
 // which offers YUYV or Motion JPEG. A frame is a depth image with the colour image nearest in time, at most half a
 // frame away; it is waited for so long. Both run by the kernel's monotonic clock.
 //
-// The kernel states no lens: it is guessed (camera_lens_guess), with the cameras in one position and depth not
-// registered, until `calibrate` has measured them, which is kept under v4l2-SERIAL.
+// The kernel states no lens: depth's has to be in the device's calibration file, v4l2-SERIAL.json (source_internal.h),
+// else the camera is refused. Colour's is guessed where it is not there, and the two cameras are in one position.
 #include "platform/sensors/v4l2.h"
 
 #include "base/pixels.h"
 #include "base/text.h"
+#include "platform/files/installed.h"
 #include "platform/files/jpeg.h"
 #include "platform/sensors/source_internal.h"
 
@@ -370,11 +371,21 @@ static enum status read_calibration(struct v4l2_sensor *sensor, int number)
                                               .color_from_depth = POSE_IDENTITY};
     if (sensor->color.file >= 0)
         facts->calibration.color = camera_lens_guess((int)c->width, (int)c->height);
-    facts->calibration.registered = sensor->color.file < 0;
     if (!read_statement(number, "serial", serial, sizeof serial))
         snprintf(serial, sizeof serial, "%.32s", (const char *)sensor->depth.about.card);
     snprintf(facts->camera_id, sizeof facts->camera_id, "v4l2-%s", serial);
-    return device_calibration_apply(facts->camera_id, &facts->calibration);
+    enum status status = device_calibration_apply(facts->camera_id, &facts->calibration);
+    if (status == OK && facts->calibration.depth.focal_sigma > 0) {
+        char path[4096], text[INSTALLED_PATH_BYTES];
+        status = camera_calibration_file(facts->camera_id, path, sizeof path);
+        if (status == OK)
+            status = fail(ERR_INPUT,
+                          "%.32s: the kernel states no lens, and without depth's no distance aside is right; write it "
+                          "into %s, as %s says",
+                          (const char *)sensor->depth.about.card, path, installed_text("sensors.md", text));
+    }
+    facts->calibration.registered = sensor->color.file < 0;
+    return status;
 }
 
 static void v4l2_close(void *self)

@@ -15,7 +15,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
-enum { TAKE_FRAMES = SANITIZED ? 6 : 12, SWEEP_FRAMES = 24, LEAN_FRAMES = 12 };
+enum { TAKE_FRAMES = SANITIZED ? 6 : 12, SWEEP_FRAMES = 18, LEAN_FRAMES = 10 };
 enum form { TUM, RECORD3D, STRAY, FORMS };
 static const char *const schemes[FORMS] = {"folder", "r3d", "stray"};
 
@@ -63,7 +63,7 @@ static void check_frame(const struct frame *tum, const struct frame *other, enum
     assert_memory_equal(other->depth, tum->depth, sizeof(uint16_t) * TELEPHONE_DEPTH_WIDTH * TELEPHONE_DEPTH_HEIGHT);
     EXPECT_TRUE(other->color != NULL && other->has_odometry && !tum->has_odometry);
     const double grey = mean_difference(tum->color, other->color, 3 * TELEPHONE_WIDTH * TELEPHONE_HEIGHT);
-    EXPECT_AT_MOST(grey, form == RECORD3D ? 0 : 3); // of a film in H.264: 1.6
+    EXPECT_AT_MOST(grey, form == RECORD3D ? 0 : 3); // of a film in H.264
     EXPECT_TRUE(form == STRAY ? !other->jpeg : other->jpeg_bytes == tum->jpeg_bytes);
     // Upright: up in the camera as it is in truth, whatever way the telephone's own world is turned.
     const struct vec3 up = quat_rotate(quat_conjugate(other->odometry_from_camera.rotation), v3(0, 0, 1));
@@ -152,8 +152,9 @@ static void test_all_forms_give_the_same_joints(void **state)
             print_message("%s, %s: %.2f mm from the folder's joints on average, at most %.2f\n", schemes[form],
                           points ? "with body points" : "by depth alone", 1e3 * sum / (TAKE_FRAMES * JOINT_COUNT),
                           1e3 * worst);
-            EXPECT_AT_MOST(sum / (TAKE_FRAMES * JOINT_COUNT), 0.003); // measured: Stray 2.0 mm with points, else 0
-            if (form != STRAY || !points)
+            const bool through_h264 = form == STRAY && points;
+            EXPECT_AT_MOST(sum / (TAKE_FRAMES * JOINT_COUNT), through_h264 ? 0.006 : 0.003); // measured: 2.0 mm, 0
+            if (!through_h264)
                 EXPECT_AT_MOST(worst, 0.003); // measured: 0
         }
     for (int i = 0; i < TAKE_FRAMES; i++) {
@@ -162,7 +163,7 @@ static void test_all_forms_give_the_same_joints(void **state)
             error += v3_distance(joints[RECORD3D][i].joint[j], truth.joint[j]) / (TAKE_FRAMES * JOINT_COUNT);
     }
     print_message("mean joint error %.0f mm\n", 1e3 * error);
-    EXPECT_AT_MOST(error, 0.06);
+    EXPECT_AT_MOST(error, 0.06); // measured: 23 mm
 }
 
 // Without a place and without the floor in sight, a telephone's take knows up, and another sensor's does not.
@@ -205,7 +206,7 @@ static struct place map_form(enum form form, const char *name, struct mapper_rep
 }
 
 // Where the maps have the tags, in the room's true axes. Measured: .r3d's 0.0 mm from the folder's on average, Stray's
-// 0.8 mm; H.264 again.
+// 1.2 mm; H.264 again.
 static void test_all_forms_give_the_same_map(void **state)
 {
     (void)state;
@@ -294,9 +295,9 @@ static void test_depth_at_the_pixels_of_colour(void **state)
         }
     print_message("%.1f %% of the pixels have depth, off by %.2f mm on average, %.2f %% by more than 30\n",
                   100.0 * (double)given / (double)pixels, sum / (double)given, 100.0 * (double)off / (double)given);
-    EXPECT_AT_LEAST((double)given, 0.9 * (double)pixels); // measured: 95 %
-    EXPECT_AT_MOST(sum / (double)given, 2);               // measured: 0.6
-    EXPECT_AT_MOST((double)off, 0.01 * (double)given);    // measured: 0.2 %
+    EXPECT_AT_LEAST((double)given, 0.9 * (double)pixels); // measured: 98 %
+    EXPECT_AT_MOST(sum / (double)given, 2);               // measured: 0.3
+    EXPECT_AT_MOST((double)off, 0.01 * (double)given);    // measured: 0.04 %
     free(truth);
     free(small);
     free(out);

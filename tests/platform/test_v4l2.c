@@ -159,7 +159,10 @@ static int control_node(int file, unsigned long request, void *argument)
         node->queued[buffer->index] = true;
         return 0;
     case VIDIOC_STREAMON: node->streaming = 1; return 0;
-    case VIDIOC_STREAMOFF: node->streaming = 0; return 0;
+    case VIDIOC_STREAMOFF:
+        node->streaming = 0;
+        memset(node->queued, 0, sizeof node->queued); // the kernel gives all of them back
+        return 0;
     case VIDIOC_DQBUF: return take(node, argument);
     default: return answer(ENOTTY);
     }
@@ -195,6 +198,15 @@ static void plug(void)
     v4l2_use_system(&system_of_test);
 }
 
+// The lens, under the serial number that the kernel states.
+static void write_lens(void)
+{
+    scratch_text(&scratch, "class/video0/serial", "00 7\n");
+    scratch_text(&scratch, "class/video0/device/name", ""); // device/.. is video0 here
+    scratch_text(&scratch, "config/reenact/cameras/v4l2-00_7.json",
+                 "{\"depth\": {\"width\": 32, \"height\": 24, \"fx\": 38, \"fy\": 38, \"cx\": 15.5, \"cy\": 11.5}}");
+}
+
 static struct source *open_camera(const char *uri)
 {
     struct source *source;
@@ -221,9 +233,15 @@ static void expect_image(const struct frame *frame, uint32_t image)
 static void test_depth_with_the_colour_beside_it(void **state)
 {
     (void)state;
+    struct source *source;
     plug();
-    struct source *source = open_camera("v4l2"); // the first that has depth
+    EXPECT_STATUS(source_open(&source, "v4l2:0", SOURCE_SENSOR), ERR_INPUT);
+    EXPECT_SAYS("the kernel states no lens");
+    EXPECT_SAYS("config/reenact/cameras/v4l2-Depth_camera.json");
+    write_lens();
+    source = open_camera("v4l2"); // the first that has depth
     const struct calibration *c = source_calibration(source);
+    EXPECT_NEAR(c->depth.fx, 19, 1e-9); // of half as many pixels
     EXPECT_TRUE(source_is_live(source) && !c->registered && c->depth.width == W && c->color.height == H);
     EXPECT_INT(nodes[2].streaming, 0); // another device's
     for (uint32_t i = 0; i < 20; i++) {
@@ -317,7 +335,6 @@ static void test_the_list_of_devices(void **state)
     plug();
     scratch_text(&scratch, "class/video0/idVendor", "8086\n");
     scratch_text(&scratch, "class/video0/idProduct", "0b07\n");
-    scratch_text(&scratch, "class/video0/device/name", ""); // device/.. is video0 here
     EXPECT_STATUS(source_devices(list, COUNT_OF(list), &count), OK);
     for (int i = 0; i < count; i++)
         if (!strcmp(list[i].uri, "v4l2:0"))
@@ -333,6 +350,7 @@ static int set_up(void **state)
 {
     (void)state;
     scratch = scratch_make();
+    setenv("XDG_CONFIG_HOME", scratch_file(&scratch, "config"), 1);
     return 0;
 }
 
