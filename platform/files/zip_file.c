@@ -189,6 +189,8 @@ static enum status read_directory(struct zip_file *zip)
     if (directory.at > zip->bytes || directory.bytes > zip->bytes - directory.at ||
         directory.count > directory.bytes / ENTRY_BYTES)
         return refuse(zip, cut_short);
+    if (directory.bytes > ZIP_MEMBER_MAX)
+        return refuse(zip, "lists more files than any archive that belongs here");
     uint8_t *list = malloc((size_t)directory.bytes + 1);
     zip->names = malloc((size_t)directory.bytes + 1); // each entry is longer than its name
     zip->members = calloc((size_t)directory.count + 1, sizeof *zip->members);

@@ -6,7 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// The largest member that is unpacked: what one costs in memory is bounded by it, whatever an archive says.
+// The largest member that is unpacked, and the largest list of members: what they cost in memory is bounded by it,
+// whatever an archive says.
 enum { ZIP_MEMBER_MAX = 256 << 20 };
 
 struct zip_file;

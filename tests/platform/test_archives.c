@@ -147,6 +147,22 @@ static void test_members_of_an_archive(void **state)
     zip_writer_free(&writer);
 }
 
+// A list that claims a gigabyte of a file that is as long (and takes no room on the disk).
+static void test_a_huge_archive(void **state)
+{
+    (void)state;
+    const long bytes = 1l << 30;
+    const uint8_t begin[4] = {'P', 'K', 3, 4};
+    uint8_t end[22] = {'P', 'K', 5, 6, 0, 0, 0, 0, 9, 0, 9, 0, 0, 0, 0, 0x3f};
+    struct zip_file *zip;
+    scratch_text(&scratch, "huge.zip", "");
+    FILE *file = fopen(scratch_file(&scratch, "huge.zip"), "r+b");
+    EXPECT_TRUE(file && fwrite(begin, 1, sizeof begin, file) == sizeof begin && !fseek(file, bytes, SEEK_SET) &&
+                fwrite(end, 1, sizeof end, file) == sizeof end && !fclose(file));
+    EXPECT_STATUS(zip_file_open(&zip, scratch_file(&scratch, "huge.zip")), ERR_INPUT);
+    EXPECT_SAYS("lists more files than");
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -166,6 +182,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lzfse_of_other_programs),
         cmocka_unit_test(test_members_of_an_archive),
+        cmocka_unit_test(test_a_huge_archive),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
