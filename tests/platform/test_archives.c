@@ -59,7 +59,7 @@ static const struct {
 static void test_lzfse_of_other_programs(void **state)
 {
     (void)state;
-    uint8_t packed[1000], *out = malloc(20000);
+    uint8_t packed[1000], *out = malloc(40000);
     for (size_t v = 0; v < COUNT_OF(vectors); v++) {
         const size_t count = from_hex(vectors[v].packed, packed), wanted = vectors[v].count;
         EXPECT_INT(lzfse_first_size(packed, count), wanted);
@@ -74,8 +74,13 @@ static void test_lzfse_of_other_programs(void **state)
         for (size_t cut = 0; cut < count; cut++) // cut short anywhere
             EXPECT_STATUS(lzfse_decode(packed, cut, out, wanted), ERR_CORRUPT);
     }
-    // Several blocks of several kinds, a match of the third reaching into the first.
-    const size_t first = from_hex(vectors[0].packed, packed) - 4;
+    // Several blocks of several kinds.
+    size_t first = from_hex(vectors[3].packed, packed) - 4;
+    memcpy(packed + first, packed, first + 4);
+    EXPECT_STATUS(lzfse_decode(packed, 2 * first + 4, out, 2 * vectors[3].count), OK);
+    for (int half = 0; half < 2; half++)
+        EXPECT_INT(crc32_of(0, out + (size_t)half * vectors[3].count, vectors[3].count), vectors[3].crc);
+    first = from_hex(vectors[0].packed, packed) - 4;
     memcpy(packed + first, packed, first);
     EXPECT_STATUS(lzfse_decode(packed, 2 * first, out, 600), ERR_CORRUPT); // no end
     memcpy(packed + 2 * first, "bvx-\2\0\0\0xybvx$", 14);
