@@ -1,8 +1,8 @@
 // Joints as CSV.
 #include "capture/export.h"
 
-#include "base/portable_math.h"
 #include "base/text.h"
+#include "formats/bvh_printer.h"
 #include "formats/joints_csv.h"
 #include "formats/markers.h"
 #include "formats/ply.h"
@@ -218,19 +218,15 @@ static struct skeleton y_up_skeleton(const struct take_entry *entry)
 
 // ---------------------------------------------------------------- export bvh
 
-// BVH, the motion format of animation programs: a hierarchy of bones with offsets and, for each frame, the root's
-// position, every joint's rotation and, of joints that move in their parent's axes, their position.
+// Every joint's rotation and, of joints that move in their parent's axes, their position.
 
-// BVH has y up and is usually in centimetres.
-static const double CM = 100;
-static const double DEG = 57.29577951308232;
 // A joint that leaves its place in its parent's axes by more than this at any time has position channels.
 static const double RIGID_M = 2e-4;
 
-enum { NO_PARENT = -1 };
+enum { NO_PARENT = BVH_ROOT };
 
 // The body as a tree, parents before children.
-static const struct bvh_bone {
+static const struct body_bone {
     enum joint joint;
     int parent; // index into this table; NO_PARENT for the root
 } bones[] = {
@@ -396,68 +392,40 @@ static struct vec3 end_site(enum joint joint)
     return v3(joint == JOINT_LEFT_HAND ? 0.1 : -0.1, 0, 0);
 }
 
-static void print_offset(FILE *out, int indent, struct vec3 metres)
+static void fill_hierarchy(const struct motion *motion, struct bvh_bone out[BONES])
 {
-    fprintf(out, "%*sOFFSET %.5f %.5f %.5f\n", indent, "", CM * metres.x, CM * metres.y, CM * metres.z);
+    for (int b = 0; b < BONES; b++)
+        out[b] = (struct bvh_bone){.name = joint_name(bones[b].joint),
+                                   .parent = bones[b].parent,
+                                   .offset = motion->offset[b],
+                                   .has_positions = motion->moves[b],
+                                   .end = end_site(bones[b].joint)};
 }
 
-static void print_hierarchy(FILE *out, const struct motion *motion, int bone, int depth)
-{
-    const bool root = bones[bone].parent == NO_PARENT, six = root || motion->moves[bone];
-    const int indent = 2 * depth;
-    bool leaf = true;
-    fprintf(out, "%*s%s %s\n%*s{\n", indent, "", root ? "ROOT" : "JOINT", joint_name(bones[bone].joint), indent, "");
-    print_offset(out, indent + 2, motion->offset[bone]);
-    fprintf(out, "%*sCHANNELS %s Zrotation Xrotation Yrotation\n", indent + 2, "",
-            six ? "6 Xposition Yposition Zposition" : "3");
-    for (int child = bone + 1; child < BONES; child++)
-        if (bones[child].parent == bone) {
-            print_hierarchy(out, motion, child, depth + 1);
-            leaf = false;
-        }
-    if (leaf) {
-        fprintf(out, "%*sEnd Site\n%*s{\n", indent + 2, "", indent + 2, "");
-        print_offset(out, indent + 4, end_site(bones[bone].joint));
-        fprintf(out, "%*s}\n", indent + 2, "");
-    }
-    fprintf(out, "%*s}\n", indent, "");
-}
-
-// Euler angles, degrees, about z, then x, then y, the order of CHANNELS.
-static void print_rotation(FILE *out, struct quat q)
-{
-    double m[3][3];
-    quat_to_matrix(q, m);
-    double x = portable_asin(fmax(-1, fmin(1, m[2][1])));
-    bool locked = fabs(m[2][1]) > 1 - 1e-9;
-    double z = locked ? portable_atan2(m[1][0], m[0][0]) : portable_atan2(-m[0][1], m[1][1]);
-    double y = locked ? 0 : portable_atan2(-m[2][0], m[2][2]);
-    fprintf(out, " %.4f %.4f %.4f", z * DEG, x * DEG, y * DEG);
-}
-
-// The channels' values, depth first: the order in which print_hierarchy prints the joints, which is the table's.
-static void print_frame(FILE *out, const struct motion *motion, const struct motion_frame *frame)
+static void print_frame(FILE *out, const struct bvh_bone hierarchy[BONES], const struct motion *motion,
+                        const struct motion_frame *frame)
 {
     for (int b = 0; b < BONES; b++) {
         const int parent = bones[b].parent;
-        struct vec3 at = frame->known[b] ? frame->at[b] : motion->offset[b];
+        const struct vec3 at = frame->known[b] ? frame->at[b] : motion->offset[b];
+        const struct quat rotation = frame->rotation[b];
         if (parent == NO_PARENT)
-            at = frame->root;
-        if (parent == NO_PARENT || motion->moves[b])
-            fprintf(out, "%s%.4f %.4f %.4f", b ? " " : "", CM * at.x, CM * at.y, CM * at.z);
-        print_rotation(out, parent == NO_PARENT
-                                ? frame->rotation[b]
-                                : quat_multiply(quat_conjugate(frame->rotation[parent]), frame->rotation[b]));
+            bvh_print_bone(&hierarchy[b], frame->root, rotation, out);
+        else
+            bvh_print_bone(&hierarchy[b], at, quat_multiply(quat_conjugate(frame->rotation[parent]), rotation), out);
     }
     fputc('\n', out);
 }
 
 static void print_motion(FILE *out, const struct motion *motion)
 {
-    fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)motion->shown, motion->frame_s);
+    struct bvh_bone hierarchy[BONES];
+    fill_hierarchy(motion, hierarchy);
+    bvh_print_hierarchy(hierarchy, BONES, out);
+    bvh_print_motion(motion->shown, motion->frame_s, out);
     for (int64_t i = 0; i < motion->count; i++)
         for (int64_t k = 0; k < motion->frames[i].shown; k++)
-            print_frame(out, motion, &motion->frames[i]);
+            print_frame(out, hierarchy, motion, &motion->frames[i]);
 }
 
 enum status export_bvh(const struct take *take, FILE *out)
@@ -468,19 +436,15 @@ enum status export_bvh(const struct take *take, FILE *out)
         status = find_times(&motion);
     if (status == OK)
         status = find_offsets(&motion);
-    if (status == OK) {
-        fputs("HIERARCHY\n", out);
-        print_hierarchy(out, &motion, 0, 0);
+    if (status == OK)
         print_motion(out, &motion);
-    }
     free(motion.frames);
     return status;
 }
 
 // ---------------------------------------------------------------- export markers
 
-// The take's joints at a constant rate, in the same axes all along.
-static enum status read_markers(const struct take *take, struct markers *out)
+enum status export_markers(const struct take *take, struct markers *out)
 {
     const int64_t frames = take_frame_count(take);
     const bool in_world = take_is_located(take);
@@ -501,7 +465,7 @@ static enum status read_markers(const struct take *take, struct markers *out)
 enum status export_trc(const struct take *take, const char *name, FILE *out)
 {
     struct markers markers;
-    const enum status status = read_markers(take, &markers);
+    const enum status status = export_markers(take, &markers);
     if (status == OK)
         trc_print(&markers, name, out);
     markers_free(&markers);
@@ -511,7 +475,7 @@ enum status export_trc(const struct take *take, const char *name, FILE *out)
 enum status export_c3d(const struct take *take, FILE *out)
 {
     struct markers markers;
-    const enum status status = read_markers(take, &markers);
+    const enum status status = export_markers(take, &markers);
     if (status == OK)
         c3d_print(&markers, out);
     markers_free(&markers);

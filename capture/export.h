@@ -8,6 +8,7 @@
 // *damaged: frames of which an image is damaged; it is left out, and the rest written. ERR_CORRUPT, where all are.
 #pragma once
 #include "base/progress.h"
+#include "formats/markers.h"
 #include "recording/recording.h"
 
 #include <stdio.h>
@@ -49,8 +50,10 @@ MUST_CHECK enum status export_joints_csv(const struct take *take, enum export_ax
 // ERR_INPUT: no person was tracked.
 MUST_CHECK enum status export_bvh(const struct take *take, FILE *out);
 
-// Joints at a constant rate, y up, in the world's axes where the sensor was located, else in the camera's: TRC in
-// metres, C3D in millimetres (formats/markers.h). name: in TRC's first line. ERR_INPUT: no person was tracked.
+// Joints at a constant rate, y up, in the world's axes where the sensor was located, else in the camera's: as they are
+// (markers_free), as TRC in metres, C3D in millimetres (formats/markers.h). name: in TRC's first line. ERR_INPUT: no
+// person was tracked.
+MUST_CHECK enum status export_markers(const struct take *take, struct markers *out);
 MUST_CHECK enum status export_trc(const struct take *take, const char *name, FILE *out);
 MUST_CHECK enum status export_c3d(const struct take *take, FILE *out);
 

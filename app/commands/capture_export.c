@@ -6,6 +6,7 @@
 #include "platform/files/output.h"
 #include "reenact/avatar/avatar.h"
 #include "reenact/export/actor_export.h"
+#include "reenact/export/armature.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,7 +29,8 @@ struct export_arguments {
     int format; // enum export_format; -1: not given
     enum export_axes axes;
     enum export_ply what;
-    double at_s; // of the take; NaN: its representative frame
+    int skeleton; // enum armature_naming; -1: not given
+    double at_s;  // of the take; NaN: its representative frame
     bool force;
 };
 
@@ -69,7 +71,8 @@ static enum status write_mesh(const struct actor_export *actor, int64_t frame, F
 static enum status export_actor(const struct export_arguments *given, struct take *take, int64_t frame, FILE *out,
                                 const struct progress_watch *watch)
 {
-    struct actor_export actor = {.take = take, .name = given->take};
+    const enum armature_naming naming = (enum armature_naming)given->skeleton;
+    struct actor_export actor = {.take = take, .name = given->take, .armature = given->skeleton < 0 ? NULL : &naming};
     struct take_skeletons *skeletons = NULL;
     struct skeleton_track *track = NULL;
     struct source_rays *rays = NULL;
@@ -102,12 +105,16 @@ static enum status export_actor(const struct export_arguments *given, struct tak
 
 // ---------------------------------------------------------------- the command
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_AS, KEY_OUT, KEY_AXES, KEY_WHAT, KEY_AT, KEY_HTML, KEY_FORCE };
+enum { KEY_TAKE = COMMAND_KEY, KEY_AS, KEY_OUT, KEY_AXES, KEY_SKELETON, KEY_WHAT, KEY_AT, KEY_HTML, KEY_FORCE };
 
 static const char *const format_names[] = {
     [EXPORT_CSV] = "joints-csv", [EXPORT_BVH] = "bvh", [EXPORT_TRC] = "trc", [EXPORT_C3D] = "c3d",
     [EXPORT_GLB] = "glb",        [EXPORT_PLY] = "ply", [EXPORT_MP4] = "mp4", [EXPORT_FOLDER] = "folder"};
 static const char *const axes_names[] = {[EXPORT_SENSOR] = "sensor", [EXPORT_ROOM] = "room"};
+static const char *const skeleton_names[] = {[ARMATURE_OURS] = "ours",
+                                             [ARMATURE_MIXAMO] = "mixamo",
+                                             [ARMATURE_UNREAL] = "unreal",
+                                             [ARMATURE_HUMANIK] = "humanik"};
 static const char *const what_names[] = {
     [PLY_POINTS] = "points", [PLY_ACTOR] = "actor", [PLY_MESH] = "mesh", [PLY_PLACE] = "place"};
 
@@ -120,6 +127,10 @@ static const struct argp_option options[] = {
      0},
     {"out", KEY_OUT, "PATH", 0, "the file, or folder, to write; - is standard output", 0},
     {"axes", KEY_AXES, "sensor|room", 0, "of joints-csv: sensor (x right, y down, z forward; default) or room (z up)",
+     0},
+    {"skeleton", KEY_SKELETON, "ours|mixamo|unreal|humanik", 0,
+     "of bvh and glb: bones of constant length in a T-pose at rest, moved by rotations alone, with these names "
+     "(default: every joint where the take has it)",
      0},
     {"what", KEY_WHAT, "points|actor|mesh|place", 0,
      "of ply: points (a frame's, default), actor (a frame's points of the actor), mesh (the actor's model at that "
@@ -141,6 +152,8 @@ static void check_arguments(struct argp_state *state, const struct export_argume
     command_require(state, given->out, "--out PATH");
     if (given->html && given->format != EXPORT_GLB)
         argp_error(state, "--html goes with --as glb");
+    if (given->skeleton >= 0 && given->format != EXPORT_BVH && given->format != EXPORT_GLB)
+        argp_error(state, "--skeleton goes with --as bvh or glb");
     if (!strcmp(given->out, "-") && given->format == EXPORT_FOLDER)
         argp_error(state, "a folder cannot be written to standard output");
     if (given->html && !strcmp(given->out, given->html))
@@ -162,6 +175,9 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
         return 0;
     case KEY_AXES:
         given->axes = (enum export_axes)command_parse_choice(state, "--axes", value, axes_names, COUNT_OF(axes_names));
+        return 0;
+    case KEY_SKELETON:
+        given->skeleton = command_parse_choice(state, "--skeleton", value, skeleton_names, COUNT_OF(skeleton_names));
         return 0;
     case KEY_WHAT:
         given->what = (enum export_ply)command_parse_choice(state, "--what", value, what_names, COUNT_OF(what_names));
@@ -217,6 +233,22 @@ static enum status write_points(struct take *take, const struct export_arguments
     return status == NOTHING ? fail(ERR_INPUT, "that frame has no such points; give another --at") : status;
 }
 
+static enum status write_armature(const struct take *take, const struct export_arguments *given, FILE *out)
+{
+    struct markers markers;
+    struct armature_fit fit;
+    enum status status = export_markers(take, &markers);
+    if (status == OK)
+        status = armature_bvh_print(&markers, (enum armature_naming)given->skeleton, out, &fit);
+    if (status == OK)
+        fprintf(
+            stderr,
+            "reenact-capture export: bones of constant length: joints are %.0f mm off on average, %.0f mm at most\n",
+            1000 * fit.mean_m, 1000 * fit.max_m);
+    markers_free(&markers);
+    return status;
+}
+
 static enum status write_take(struct take *take, const struct export_arguments *given, const struct output *out,
                               const struct progress_watch *watch, int64_t *damaged)
 {
@@ -224,7 +256,7 @@ static enum status write_take(struct take *take, const struct export_arguments *
     const int64_t frame = chosen_frame(given, take);
     switch ((enum export_format)given->format) {
     case EXPORT_CSV: return export_joints_csv(take, given->axes, file);
-    case EXPORT_BVH: return export_bvh(take, file);
+    case EXPORT_BVH: return given->skeleton < 0 ? export_bvh(take, file) : write_armature(take, given, file);
     case EXPORT_TRC: return export_trc(take, given->out, file);
     case EXPORT_C3D: return export_c3d(take, file);
     case EXPORT_GLB: return export_actor(given, take, frame, file, watch);
@@ -296,7 +328,7 @@ int capture_export(int argc, char **argv)
 {
     static const struct argp argp = {
         options, parse_option, "FILE", "Writes a take, or the place, for other programs.", 0, 0, 0};
-    struct export_arguments given = {.format = -1, .at_s = NAN};
+    struct export_arguments given = {.format = -1, .skeleton = -1, .at_s = NAN};
     struct progress_bar progress;
     const struct progress_watch watch = {.on_progress = on_progress, .self = &progress};
     command_parse(&argp, argc, argv, &given);

@@ -11,25 +11,34 @@
 
 // ---------------------------------------------------------------- actor motion, types
 
-// The bones of the avatar over a take, as nodes of a scene: each bone's node lies where the bone begins, with the bind
-// pose's axes, below the node of the bone it hangs from. Internal to this folder. Pure.
+// The bones of the actor over a take, as nodes of a scene: each bone's node lies where the bone begins, below the node
+// of the bone it hangs from. Of the avatar's own bones a node has the bind pose's axes; of an armature's, those of its
+// T-pose. Internal to this folder. Pure.
 
-extern const char *const bone_names[BONE_COUNT];
+enum { MOTION_BONES = ARMATURE_BONES };
+_Static_assert((int)MOTION_BONES >= (int)BONE_COUNT, "room for both kinds of bones");
 
 // Of each bone, of each known frame: its pose with respect to its parent's node; rotations go on from frame to frame
 // without a change of sign.
 struct actor_motion {
+    int bones, root;
+    const char *name[MOTION_BONES];
+    int parent[MOTION_BONES];                // -1: the root
+    struct vec3 origin[MOTION_BONES];        // where it begins in the mesh
+    bool rests;                              // the mesh's pose is that of the nodes at rest
+    int node_of[BONE_COUNT];                 // of the avatar's bones
+    struct bone_transforms mesh_from_avatar; // from the avatar's bind pose into the mesh's
     int count;
-    float *time_s;                       // [count]
-    float (*translation[BONE_COUNT])[3]; // [count]
-    float (*rotation[BONE_COUNT])[4];    // [count]; x, y, z, w
+    float *time_s;                         // [count]
+    float (*translation[MOTION_BONES])[3]; // [count]
+    float (*rotation[MOTION_BONES])[4];    // [count]; x, y, z, w
 };
 
 static void actor_motion_free(struct actor_motion *motion);
 
 // ---------------------------------------------------------------- actor motion
 
-const char *const bone_names[BONE_COUNT] = {
+static const char *const bone_names[BONE_COUNT] = {
     [PART_HEAD] = "head",
     [PART_UPPER_TORSO] = "upper_torso",
     [PART_LOWER_TORSO] = "lower_torso",
@@ -90,37 +99,41 @@ static enum status bones_at_frame(const struct actor_export *export, int64_t fra
     return OK;
 }
 
-static void add_key(struct actor_motion *motion, const struct vec3 origin[BONE_COUNT], const struct bone_transforms *at)
+static void add_pose(struct actor_motion *motion, int bone, struct pose local)
 {
     const int key = motion->count;
+    const struct quat q = quat_unit(local.rotation);
+    float *rotation = motion->rotation[bone][key], *translation = motion->translation[bone][key];
+    float along = 1;
+    if (key) {
+        const float *before = motion->rotation[bone][key - 1];
+        along = (float)q.x * before[0] + (float)q.y * before[1] + (float)q.z * before[2] + (float)q.w * before[3];
+    }
+    const float sign = along < 0 ? -1 : 1;
+    for (int k = 0; k < 4; k++)
+        rotation[k] = sign * (float)(&q.x)[k];
+    for (int k = 0; k < 3; k++)
+        translation[k] = (float)(&local.translation.x)[k];
+}
+
+static void add_key(struct actor_motion *motion, const struct bone_transforms *at)
+{
     for (int b = 0; b < BONE_COUNT; b++) {
-        const int parent = bone_parent(b);
-        const struct pose node = {at->bone[b].rotation, pose_apply(at->bone[b], origin[b])};
+        const int parent = motion->parent[b];
+        const struct pose node = {at->bone[b].rotation, pose_apply(at->bone[b], motion->origin[b])};
         struct pose local = node;
         if (parent >= 0) {
-            const struct pose above = {at->bone[parent].rotation, pose_apply(at->bone[parent], origin[parent])};
+            const struct pose above = {at->bone[parent].rotation, pose_apply(at->bone[parent], motion->origin[parent])};
             local = pose_multiply(pose_inverse(above), node);
         }
-        const struct quat q = quat_unit(local.rotation);
-        float *rotation = motion->rotation[b][key], *translation = motion->translation[b][key];
-        float along = 1;
-        if (key) {
-            const float *before = motion->rotation[b][key - 1];
-            along = (float)q.x * before[0] + (float)q.y * before[1] + (float)q.z * before[2] + (float)q.w * before[3];
-        }
-        const float sign = along < 0 ? -1 : 1;
-        for (int k = 0; k < 4; k++)
-            rotation[k] = sign * (float)(&q.x)[k];
-        for (int k = 0; k < 3; k++)
-            translation[k] = (float)(&local.translation.x)[k];
+        add_pose(motion, b, local);
     }
 }
 
 static enum status motion_open(struct actor_motion *motion, size_t frames)
 {
-    *motion = (struct actor_motion){.time_s = malloc(frames * sizeof *motion->time_s)};
-    bool whole = motion->time_s;
-    for (int b = 0; b < BONE_COUNT; b++) {
+    bool whole = (motion->time_s = malloc(frames * sizeof *motion->time_s)) != NULL;
+    for (int b = 0; b < motion->bones; b++) {
         motion->translation[b] = malloc(frames * sizeof *motion->translation[b]);
         motion->rotation[b] = malloc(frames * sizeof *motion->rotation[b]);
         whole = whole && motion->translation[b] && motion->rotation[b];
@@ -128,21 +141,171 @@ static enum status motion_open(struct actor_motion *motion, size_t frames)
     return whole ? OK : fail(ERR_MEMORY, "no memory for the actor's motion");
 }
 
+static void set_own_bones(struct actor_motion *out, const struct bind_pose *bind)
+{
+    out->bones = BONE_COUNT;
+    out->root = PART_UPPER_TORSO;
+    bone_origins(bind, out->origin);
+    for (int b = 0; b < BONE_COUNT; b++) {
+        out->name[b] = bone_names[b];
+        out->parent[b] = bone_parent(b);
+        out->node_of[b] = b;
+        out->mesh_from_avatar.bone[b] = POSE_IDENTITY;
+    }
+}
+
 // ERR_INPUT, ERR_MEMORY
-static enum status actor_motion_make(struct actor_motion *out, const struct actor_export *export)
+static enum status own_motion_make(struct actor_motion *out, const struct actor_export *export)
 {
     const int64_t frames = take_frame_count(export->take);
-    struct vec3 origin[BONE_COUNT];
-    bone_origins(&export->avatar->bind_pose, origin);
+    set_own_bones(out, &export->avatar->bind_pose);
     enum status status = motion_open(out, (size_t)frames);
     for (int64_t i = 0; i < frames && status >= 0; i++) {
         struct bone_transforms at;
         status = bones_at_frame(export, i, &at);
         if (status != OK)
             continue;
-        add_key(out, origin, &at);
+        add_key(out, &at);
         out->time_s[out->count++] = (float)seconds_at(export->take, i);
     }
+    return status;
+}
+
+// ---------------------------------------------------------------- the motion of an armature
+
+static const struct quat Y_UP_FROM_WORLD = {-0.70710678118654752, 0, 0, 0.70710678118654752};
+
+static const int armature_bone_of[BONE_COUNT] = {
+    [PART_HEAD] = ARMATURE_NECK,
+    [PART_UPPER_TORSO] = ARMATURE_CHEST,
+    [PART_LOWER_TORSO] = ARMATURE_HIPS,
+    [PART_LEFT_UPPER_ARM] = ARMATURE_LEFT_UPPER_ARM,
+    [PART_LEFT_FOREARM] = ARMATURE_LEFT_FOREARM,
+    [PART_RIGHT_UPPER_ARM] = ARMATURE_RIGHT_UPPER_ARM,
+    [PART_RIGHT_FOREARM] = ARMATURE_RIGHT_FOREARM,
+    [PART_LEFT_THIGH] = ARMATURE_LEFT_THIGH,
+    [PART_LEFT_SHIN] = ARMATURE_LEFT_SHIN,
+    [PART_RIGHT_THIGH] = ARMATURE_RIGHT_THIGH,
+    [PART_RIGHT_SHIN] = ARMATURE_RIGHT_SHIN,
+    [BONE_LEFT_FOOT] = ARMATURE_LEFT_FOOT,
+    [BONE_RIGHT_FOOT] = ARMATURE_RIGHT_FOOT,
+    [BONE_LEFT_HAND] = ARMATURE_LEFT_HAND,
+    [BONE_RIGHT_HAND] = ARMATURE_RIGHT_HAND,
+    [BONE_SKULL] = ARMATURE_HEAD,
+};
+
+// The joints that the bones have at each known frame, y up; frame: [count] which one it is.
+static enum status read_joints(const struct actor_export *export, struct markers *out, int64_t *frame)
+{
+    const int64_t frames = take_frame_count(export->take);
+    enum status status = OK;
+    for (int64_t i = 0; i < frames && status >= 0; i++) {
+        struct bone_transforms at;
+        status = bones_at_frame(export, i, &at);
+        if (status != OK)
+            continue;
+        const struct skeleton s = bone_transforms_skeleton(&export->avatar->bind_pose, &at);
+        for (int j = 0; j < JOINT_COUNT; j++) {
+            const struct vec3 p = quat_rotate(Y_UP_FROM_WORLD, s.joint[j]);
+            for (int k = 0; k < 3; k++)
+                out->at[out->count][j][k] = s.confidence[j] > 0 ? (float)(&p.x)[k] : NAN;
+        }
+        frame[out->count++] = i;
+    }
+    return status < 0 ? status : OK;
+}
+
+// From the armature's axes at rest into the bind pose's, of a part.
+static struct quat bind_from_rest(const struct bind_pose *bind, const struct armature *armature, int part)
+{
+    return quat_multiply(bone_frame_rotation(&bind->frame[part]), quat_conjugate(armature->part_rest[part]));
+}
+
+// Every bone at rest: about its part's first joint, which lies where the armature has it.
+static void set_rest(struct actor_motion *out, const struct bind_pose *bind, const struct armature *armature)
+{
+    struct vec3 at[JOINT_COUNT];
+    for (int b = 0; b < ARMATURE_BONES; b++)
+        if (armature_joint((enum armature_bone)b) < JOINT_COUNT)
+            at[armature_joint((enum armature_bone)b)] = armature->rest[b];
+    for (int b = 0; b < BONE_COUNT; b++) {
+        const int part = (int)bone_part(b);
+        const struct quat rotation = quat_conjugate(bind_from_rest(bind, armature, part));
+        const struct vec3 moved = quat_rotate(rotation, bind->frame[part].origin);
+        out->mesh_from_avatar.bone[b] = (struct pose){rotation, v3_sub(at[part_ends[part].from], moved)};
+    }
+    for (int i = 0; i < BONE_LINKS; i++) // from the trunk outwards
+        if (!bind->known[bone_part(bone_links[i].b)])
+            out->mesh_from_avatar.bone[bone_links[i].b] = out->mesh_from_avatar.bone[bone_links[i].a];
+}
+
+static void set_armature_bones(struct actor_motion *out, const struct armature *armature, enum armature_naming naming)
+{
+    out->bones = ARMATURE_BONES;
+    out->root = ARMATURE_HIPS;
+    out->rests = true;
+    for (int b = 0; b < ARMATURE_BONES; b++) {
+        out->name[b] = armature_bone_name(naming, (enum armature_bone)b);
+        out->parent[b] = armature_parent((enum armature_bone)b);
+        out->origin[b] = armature->rest[b];
+    }
+    memcpy(out->node_of, armature_bone_of, sizeof out->node_of);
+}
+
+static enum status add_armature_keys(struct actor_motion *out, const struct actor_export *export,
+                                     const struct armature *armature, const struct markers *joints,
+                                     const int64_t *frame)
+{
+    const struct bind_pose *bind = &export->avatar->bind_pose;
+    struct armature_pose pose = {.known = false};
+    for (int64_t i = 0; i < joints->count; i++) {
+        struct bone_transforms at;
+        struct armature_parts parts;
+        const enum status status = bones_at_frame(export, frame[i], &at);
+        if (status != OK)
+            return status;
+        for (int p = 0; p < PART_COUNT; p++) {
+            parts.known[p] = bind->known[p];
+            parts.rotation[p] =
+                quat_multiply(quat_multiply(Y_UP_FROM_WORLD, at.bone[p].rotation), bind_from_rest(bind, armature, p));
+        }
+        armature_pose_move(&pose, armature, &parts, joints->at[i][0]);
+        for (int b = 0; b < ARMATURE_BONES; b++)
+            add_pose(out, b, (struct pose){pose.rotation[b], b == ARMATURE_HIPS ? pose.root : armature->offset[b]});
+        out->time_s[out->count++] = (float)seconds_at(export->take, frame[i]);
+    }
+    return OK;
+}
+
+// ERR_INPUT, ERR_MEMORY
+static enum status armature_motion_make(struct actor_motion *out, const struct actor_export *export)
+{
+    const size_t frames = (size_t)take_frame_count(export->take);
+    struct markers joints = {.at = malloc(frames * sizeof *joints.at)};
+    int64_t *frame = malloc(frames * sizeof *frame);
+    struct armature armature;
+    enum status status = joints.at && frame ? OK : fail(ERR_MEMORY, "no memory for the actor's motion");
+    if (status == OK)
+        status = read_joints(export, &joints, frame);
+    if (status == OK && joints.count)
+        status = armature_make(&armature, &joints);
+    if (status == OK && joints.count) {
+        set_armature_bones(out, &armature, *export->armature);
+        set_rest(out, &export->avatar->bind_pose, &armature);
+        status = motion_open(out, frames);
+    }
+    if (status == OK && joints.count)
+        status = add_armature_keys(out, export, &armature, &joints, frame);
+    free(frame);
+    markers_free(&joints);
+    return status;
+}
+
+// ERR_INPUT, ERR_MEMORY
+static enum status actor_motion_make(struct actor_motion *out, const struct actor_export *export)
+{
+    *out = (struct actor_motion){.count = 0};
+    enum status status = export->armature ? armature_motion_make(out, export) : own_motion_make(out, export);
     if (status >= 0)
         status = out->count ? OK : fail(ERR_INPUT, "the take shows no trunk of a person, so there is no motion");
     if (status != OK)
@@ -153,7 +316,7 @@ static enum status actor_motion_make(struct actor_motion *out, const struct acto
 static void actor_motion_free(struct actor_motion *motion)
 {
     free(motion->time_s);
-    for (int b = 0; b < BONE_COUNT; b++) {
+    for (int b = 0; b < MOTION_BONES; b++) {
         free(motion->translation[b]);
         free(motion->rotation[b]);
     }
@@ -196,8 +359,10 @@ enum status actor_export_mesh_ply(const struct actor_export *export, int64_t fra
 
 // The actor as glTF 2.0.
 
-// Nodes: the bones have their own numbers.
-enum { NODE_ACTOR = BONE_COUNT, NODE_MESH };
+// Nodes: the bones have their own numbers; then come the actor, who holds them, and the mesh.
+static int actor_node(const struct actor_motion *motion) { return motion->bones; }
+static int mesh_node(const struct actor_motion *motion) { return motion->bones + 1; }
+
 enum { WEIGHTS = 4 };
 _Static_assert((int)SKIN_BONES <= (int)WEIGHTS, "glTF has four weights a vertex");
 
@@ -207,18 +372,19 @@ struct vertex_arrays {
 };
 
 // Bones without weight are 0, as the specification wants it, and the weights add up to 1 in single precision.
-static void put_weights(const struct skin_weights *skin, uint8_t joints[WEIGHTS], float weights[WEIGHTS])
+static void put_weights(const struct skin_weights *skin, const int node_of[BONE_COUNT], uint8_t joints[WEIGHTS],
+                        float weights[WEIGHTS])
 {
     float rest = 1;
     memset(joints, 0, WEIGHTS * sizeof *joints);
     memset(weights, 0, WEIGHTS * sizeof *weights);
     for (int k = SKIN_BONES - 1; k > 0; k--)
         if (skin->weight[k] > 0) {
-            joints[k] = skin->bone[k];
+            joints[k] = (uint8_t)node_of[skin->bone[k]];
             weights[k] = skin->weight[k];
             rest -= weights[k];
         }
-    joints[0] = skin->bone[0];
+    joints[0] = (uint8_t)node_of[skin->bone[0]];
     weights[0] = rest;
     for (int k = 1; k < SKIN_BONES; k++)
         if (weights[k] > 0 && joints[k] == joints[0]) {
@@ -228,20 +394,24 @@ static void put_weights(const struct skin_weights *skin, uint8_t joints[WEIGHTS]
         }
 }
 
-static void fill_vertices(const struct vertex_arrays *arrays, const struct avatar *avatar)
+static void fill_vertices(const struct vertex_arrays *arrays, const struct avatar *avatar,
+                          const struct actor_motion *motion)
 {
     const struct texture_atlas *atlas = &avatar->atlas;
     for (int i = 0; i < atlas->mesh.point_count; i++) {
-        struct vec3 n = v3_unit(atlas->normals[i]);
+        const struct skin_weights *skin = &avatar->skins[atlas->mesh.points[i]];
+        struct vec3 at = atlas->points[i], n = v3_unit(atlas->normals[i]);
+        if (motion->rests)
+            linear_blend_skin(skin, &motion->mesh_from_avatar, atlas->points[i], n, &at, &n);
         if (!(v3_length(n) > 0))
             n = v3(0, 0, 1);
         for (int k = 0; k < 3; k++) {
-            arrays->position[i][k] = (float)(&atlas->points[i].x)[k];
+            arrays->position[i][k] = (float)(&at.x)[k];
             arrays->normal[i][k] = (float)(&n.x)[k];
         }
         arrays->uv[i][0] = atlas->mesh.at[i][0] / (float)atlas->mesh.width;
         arrays->uv[i][1] = atlas->mesh.at[i][1] / (float)atlas->mesh.height;
-        put_weights(&avatar->skins[atlas->mesh.points[i]], arrays->joints[i], arrays->weights[i]);
+        put_weights(skin, motion->node_of, arrays->joints[i], arrays->weights[i]);
     }
 }
 
@@ -258,7 +428,7 @@ static void add_vertices(struct glb *glb, struct json *attributes, const struct 
     json_add_number(attributes, "WEIGHTS_0", glb_add_accessor(glb, arrays->weights, &weights));
 }
 
-static enum status add_mesh(struct glb *glb, const struct avatar *avatar)
+static enum status add_mesh(struct glb *glb, const struct avatar *avatar, const struct actor_motion *motion)
 {
     const struct uv_mesh *m = &avatar->atlas.mesh;
     const size_t n = (size_t)m->point_count;
@@ -268,7 +438,7 @@ static enum status add_mesh(struct glb *glb, const struct avatar *avatar)
     if (v.position && v.normal && v.uv && v.weights && v.joints) {
         struct json *mesh = json_add_object(json_add_array(glb->root, "meshes"), NULL);
         struct json *primitive = json_add_object(json_add_array(mesh, "primitives"), NULL);
-        fill_vertices(&v, avatar);
+        fill_vertices(&v, avatar, motion);
         add_vertices(glb, json_add_object(primitive, "attributes"), &v, m->point_count);
         const struct glb_layout corners = {GLB_U32, 1, m->corner_count, GLB_INDICES, false};
         json_add_number(primitive, "indices", glb_add_accessor(glb, m->corners, &corners));
@@ -325,11 +495,15 @@ static void push_floats(struct json *array, const float *values, int count)
 static void add_bone(struct json *nodes, int bone, const struct actor_motion *motion)
 {
     struct json *node = json_add_object(nodes, NULL), *children = NULL;
-    json_add_string(node, "name", bone_names[bone]);
-    push_floats(json_add_array(node, "translation"), motion->translation[bone][0], 3);
-    push_floats(json_add_array(node, "rotation"), motion->rotation[bone][0], 4);
-    for (int b = 0; b < BONE_COUNT; b++)
-        if (bone_parent(b) == bone) {
+    const struct vec3 from = motion->parent[bone] < 0 ? v3(0, 0, 0) : motion->origin[motion->parent[bone]];
+    const struct vec3 offset = v3_sub(motion->origin[bone], from);
+    const float at[3] = {(float)offset.x, (float)offset.y, (float)offset.z};
+    json_add_string(node, "name", motion->name[bone]);
+    push_floats(json_add_array(node, "translation"), motion->rests ? at : motion->translation[bone][0], 3);
+    if (!motion->rests)
+        push_floats(json_add_array(node, "rotation"), motion->rotation[bone][0], 4);
+    for (int b = 0; b < motion->bones; b++)
+        if (motion->parent[b] == bone) {
             if (!children)
                 children = json_add_array(node, "children");
             json_push_number(children, b);
@@ -340,37 +514,36 @@ static void add_scene(struct glb *glb, const struct actor_export *export, const 
 {
     static const float y_up_from_z_up[4] = {-0.70710678F, 0, 0, 0.70710678F};
     struct json *nodes = json_add_array(glb->root, "nodes");
-    for (int b = 0; b < BONE_COUNT; b++)
+    for (int b = 0; b < motion->bones; b++)
         add_bone(nodes, b, motion);
     struct json *actor = json_add_object(nodes, NULL), *mesh = json_add_object(nodes, NULL);
     json_add_string(actor, "name", export->name);
-    push_floats(json_add_array(actor, "rotation"), y_up_from_z_up, 4);
-    json_push_number(json_add_array(actor, "children"), PART_UPPER_TORSO);
+    if (!motion->rests)
+        push_floats(json_add_array(actor, "rotation"), y_up_from_z_up, 4);
+    json_push_number(json_add_array(actor, "children"), motion->root);
     json_add_string(mesh, "name", "surface");
     json_add_number(mesh, "mesh", 0);
     json_add_number(mesh, "skin", 0);
     json_add_number(glb->root, "scene", 0);
     struct json *roots = json_add_array(json_add_object(json_add_array(glb->root, "scenes"), NULL), "nodes");
-    json_push_number(roots, NODE_ACTOR);
-    json_push_number(roots, NODE_MESH);
+    json_push_number(roots, actor_node(motion));
+    json_push_number(roots, mesh_node(motion));
 }
 
-static void add_skin(struct glb *glb, const struct bind_pose *bind)
+static void add_skin(struct glb *glb, const struct actor_motion *motion)
 {
-    struct vec3 origin[BONE_COUNT];
-    float inverse[BONE_COUNT][16]; // column by column
-    bone_origins(bind, origin);
+    float inverse[MOTION_BONES][16]; // column by column
     struct json *skin = json_add_object(json_add_array(glb->root, "skins"), NULL);
     struct json *joints = json_add_array(skin, "joints");
-    for (int b = 0; b < BONE_COUNT; b++) {
-        const struct vec3 o = origin[b];
+    for (int b = 0; b < motion->bones; b++) {
+        const struct vec3 o = motion->origin[b];
         memcpy(inverse[b],
                (const float[16]){1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -(float)o.x, -(float)o.y, -(float)o.z, 1},
                sizeof inverse[b]);
         json_push_number(joints, b);
     }
-    json_add_number(skin, "skeleton", NODE_ACTOR);
-    const struct glb_layout layout = {GLB_FLOAT, 16, BONE_COUNT, GLB_NO_TARGET, false};
+    json_add_number(skin, "skeleton", actor_node(motion));
+    const struct glb_layout layout = {GLB_FLOAT, 16, motion->bones, GLB_NO_TARGET, false};
     json_add_number(skin, "inverseBindMatrices", glb_add_accessor(glb, inverse, &layout));
 }
 
@@ -400,11 +573,13 @@ static void add_animation(struct glb *glb, const struct actor_export *export, co
                             translations = {GLB_FLOAT, 3, motion->count, GLB_NO_TARGET, false},
                             rotations = {GLB_FLOAT, 4, motion->count, GLB_NO_TARGET, false};
     const int at = glb_add_accessor(glb, motion->time_s, &times);
-    for (int b = 0; b < BONE_COUNT; b++) {
-        add_sampler(samplers, at, glb_add_accessor(glb, motion->translation[b], &translations));
-        add_channel(channels, 2 * b, b, "translation");
+    for (int b = 0; b < motion->bones; b++) {
+        if (!motion->rests || b == motion->root) {
+            add_channel(channels, json_count(samplers), b, "translation");
+            add_sampler(samplers, at, glb_add_accessor(glb, motion->translation[b], &translations));
+        }
+        add_channel(channels, json_count(samplers), b, "rotation");
         add_sampler(samplers, at, glb_add_accessor(glb, motion->rotation[b], &rotations));
-        add_channel(channels, 2 * b + 1, b, "rotation");
     }
 }
 
@@ -416,12 +591,12 @@ enum status actor_export_glb(const struct actor_export *export, uint8_t **bytes,
     if (status != OK)
         return status;
     glb_open(&g);
-    status = add_mesh(&g, export->avatar);
+    status = add_mesh(&g, export->avatar, &motion);
     if (status == OK)
         status = add_material(&g, &export->avatar->atlas);
     if (status == OK) {
         add_scene(&g, export, &motion);
-        add_skin(&g, &export->avatar->bind_pose);
+        add_skin(&g, &motion);
         add_animation(&g, export, &motion);
         status = glb_print(&g, bytes, count);
     }

@@ -48,6 +48,14 @@ struct vec3 bone_frame_midpoint(const struct bone_frame *frame)
     return v3_add(frame->origin, v3_scale(frame->z, frame->length / 2));
 }
 
+struct quat bone_frame_rotation(const struct bone_frame *frame)
+{
+    double m[3][3] = {{frame->x.x, frame->y.x, frame->z.x},
+                      {frame->x.y, frame->y.y, frame->z.y},
+                      {frame->x.z, frame->y.z, frame->z.z}};
+    return quat_from_matrix(m);
+}
+
 // The same bone, rotated about it so that y leans towards `eye`.
 static struct bone_frame rotated_to_eye(const struct bone_frame *frame, struct vec3 eye)
 {
@@ -356,11 +364,8 @@ enum status bind_pose_make(struct bind_pose *out, const struct take *take)
 
 static struct pose bone_frame_pose(const struct bone_frame *frame)
 {
-    double m[3][3] = {{frame->x.x, frame->y.x, frame->z.x},
-                      {frame->x.y, frame->y.y, frame->z.y},
-                      {frame->x.z, frame->y.z, frame->z.z}};
     // About the bone's middle: where lengths differ, the error is split between both ends.
-    return (struct pose){quat_from_matrix(m), bone_frame_midpoint(frame)};
+    return (struct pose){bone_frame_rotation(frame), bone_frame_midpoint(frame)};
 }
 
 enum status bone_transforms_of(const struct bind_pose *bind, const struct skeleton *skeleton,

@@ -34,6 +34,7 @@ bool bone_frame_viewer_aligned(const struct skeleton *skeleton, enum part part, 
 bool bone_frame_body_aligned(const struct skeleton *skeleton, enum part part, struct bone_frame *out);
 
 struct vec3 bone_frame_midpoint(const struct bone_frame *frame); // of the bone, skeleton's axes
+struct quat bone_frame_rotation(const struct bone_frame *frame); // from the bone frame's axes into the skeleton's
 
 // A point or direction of the skeleton's axes in the bone frame's, metres.
 struct vec3 bone_frame_local_point(const struct bone_frame *frame, struct vec3 p);

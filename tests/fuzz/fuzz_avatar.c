@@ -157,7 +157,7 @@ static void draw_and_export(const struct avatar *avatar)
         frame_layer_free(&layer);
     frame_layer_loader_close(&loader);
 
-    const struct actor_export actor = {take, skeletons, track, avatar, "take"};
+    const struct actor_export actor = {take, skeletons, track, avatar, "take", NULL};
     uint8_t *glb;
     size_t bytes;
     if (fuzz_said(actor_export_glb(&actor, &glb, &bytes)) == OK)
