@@ -1,6 +1,6 @@
 // Export of a take, and of a place, for other programs: joints as CSV, motion as BVH (Biovision hierarchy), points as
 // points at a constant rate as TRC and C3D, PLY (Stanford polygon format, binary, little-endian, metres), the sensor's
-// film as MP4, everything as a TUM folder.
+// film as MP4, everything as MCAP or as a TUM folder.
 //
 // What goes to one file is written to `out`, an open stream; the caller opens and closes it (platform/files/output.h)
 // and finds what could not be written in ferror. ERR_IO, ERR_CORRUPT: the take cannot be read. ERR_MEMORY.
@@ -70,6 +70,11 @@ MUST_CHECK enum status export_place_ply(const struct place *place, FILE *out);
 // program was built without FFmpeg's libraries.
 MUST_CHECK enum status export_film_mp4(struct take *take, FILE *out, bool seekable, const struct progress_watch *watch,
                                        int64_t *damaged);
+
+// MCAP (formats/mcap.h) in Foxglove's schemas: /camera/color (JPEG) and /camera/depth (16 bits, millimetres) with their
+// calibrations, /tf (world, color, depth), /actor/skeleton (drawn) and /actor/joints (to plot), at the take's times,
+// which begin with 0 where they were negative. NOTHING: the watch said to stop.
+MUST_CHECK enum status export_mcap(struct take *take, FILE *out, const struct progress_watch *watch, int64_t *damaged);
 
 // A TUM RGB-D folder that platform/sensors/folder.c reads: rgb/, depth/ and mask/ with their lists, associations.txt
 // (time and file of colour, time and file of depth), calibration.json, trajectory.txt (world_from_camera of frames

@@ -20,6 +20,7 @@ enum export_format {
     EXPORT_GLB,
     EXPORT_PLY,
     EXPORT_MP4,
+    EXPORT_MCAP,
     EXPORT_FOLDER
 };
 enum export_ply { PLY_POINTS, PLY_ACTOR, PLY_MESH, PLY_PLACE };
@@ -108,8 +109,9 @@ static enum status export_actor(const struct export_arguments *given, struct tak
 enum { KEY_TAKE = COMMAND_KEY, KEY_AS, KEY_OUT, KEY_AXES, KEY_SKELETON, KEY_WHAT, KEY_AT, KEY_HTML, KEY_FORCE };
 
 static const char *const format_names[] = {
-    [EXPORT_CSV] = "joints-csv", [EXPORT_BVH] = "bvh", [EXPORT_TRC] = "trc", [EXPORT_C3D] = "c3d",
-    [EXPORT_GLB] = "glb",        [EXPORT_PLY] = "ply", [EXPORT_MP4] = "mp4", [EXPORT_FOLDER] = "folder"};
+    [EXPORT_CSV] = "joints-csv", [EXPORT_BVH] = "bvh",   [EXPORT_TRC] = "trc",
+    [EXPORT_C3D] = "c3d",        [EXPORT_GLB] = "glb",   [EXPORT_PLY] = "ply",
+    [EXPORT_MP4] = "mp4",        [EXPORT_MCAP] = "mcap", [EXPORT_FOLDER] = "folder"};
 static const char *const axes_names[] = {[EXPORT_SENSOR] = "sensor", [EXPORT_ROOM] = "room"};
 static const char *const skeleton_names[] = {[ARMATURE_OURS] = "ours",
                                              [ARMATURE_MIXAMO] = "mixamo",
@@ -120,10 +122,10 @@ static const char *const what_names[] = {
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the take; not for the place", 0},
-    {"as", KEY_AS, "joints-csv|bvh|trc|c3d|glb|ply|mp4|folder", 0,
+    {"as", KEY_AS, "joints-csv|bvh|trc|c3d|glb|ply|mp4|mcap|folder", 0,
      "joints-csv (time, joint, position, confidence, standard deviation per axis), bvh (motion), trc, c3d "
      "(joints at a constant rate, for OpenSim and biomechanics), glb (the actor, animated and textured), ply (points "
-     "or a mesh), mp4 (the sensor's film) or folder (TUM RGB-D)",
+     "or a mesh), mp4 (the sensor's film), mcap (images, joints and poses for Foxglove) or folder (TUM RGB-D)",
      0},
     {"out", KEY_OUT, "PATH", 0, "the file, or folder, to write; - is standard output", 0},
     {"axes", KEY_AXES, "sensor|room", 0, "of joints-csv: sensor (x right, y down, z forward; default) or room (z up)",
@@ -264,6 +266,7 @@ static enum status write_take(struct take *take, const struct export_arguments *
         return given->what == PLY_MESH ? export_actor(given, take, frame, file, watch)
                                        : write_points(take, given, file);
     case EXPORT_MP4: return export_film_mp4(take, file, output_can_seek(out), watch, damaged);
+    case EXPORT_MCAP: return export_mcap(take, file, watch, damaged);
     case EXPORT_FOLDER: break; // is no file
     }
     return OK;

@@ -5,9 +5,11 @@
 #include "capture/export.h"
 #include "formats/markers.h"
 #include "platform/files/file.h"
+#include "platform/files/json.h"
 #include "platform/files/video.h"
 #include "platform/sensors/source.h"
 #include "tests/support/process.h"
+#include "tests/support/read_mcap.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/sql.h"
 #include "tests/world/bvh.h"
@@ -582,6 +584,108 @@ static void check_folder(struct filmed *f)
     source_close(&source);
 }
 
+// ---------------------------------------------------------------- MCAP
+
+static double json_number(const struct json *object, const char *name)
+{
+    double value = NAN;
+    EXPECT_TRUE(json_get_number(json_member(object, name), &value));
+    return value;
+}
+
+// The bytes of a base64 text, decoded by a table of its own; the caller frees them.
+static uint8_t *decode(const char *text, size_t *count)
+{
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    uint8_t *out = malloc(strlen(text));
+    uint32_t bits = 0;
+    int held = 0;
+    *count = 0;
+    for (; *text && *text != '='; text++) {
+        bits = bits << 6 | (uint32_t)(strchr(digits, *text) - digits);
+        held += 6;
+        if (held >= 8) {
+            held -= 8;
+            out[(*count)++] = (uint8_t)(bits >> held);
+        }
+    }
+    return out;
+}
+
+// One message of the file against the take.
+static void check_message(struct filmed *f, const char *topic, const struct json *m, int64_t frame)
+{
+    const struct take_entry *entry = take_entry(f->take, frame);
+    const struct lens *l = &take_calibration(f->take)->depth;
+    const char *data = NULL;
+    if (!strcmp(topic, "/camera/color") || !strcmp(topic, "/camera/depth")) {
+        struct take_images images;
+        size_t count, wanted = sizeof *images.depth * lens_pixels(l);
+        EXPECT_TRUE(json_get_string(json_member(m, "data"), &data));
+        uint8_t *bytes = decode(data, &count);
+        const uint8_t *jpeg;
+        if (topic[8] == 'c') {
+            EXPECT_STATUS(take_read_jpeg(f->take, frame, &jpeg, &wanted), OK);
+        } else {
+            EXPECT_STATUS(take_read(f->take, frame, TAKE_DEPTH, &images), OK);
+            jpeg = (const uint8_t *)images.depth;
+            EXPECT_INT(json_number(m, "step"), 2 * l->width);
+        }
+        EXPECT_INT(count, wanted);
+        assert_memory_equal(bytes, jpeg, wanted);
+        free(bytes);
+    } else if (!strcmp(topic, "/actor/joints")) {
+        const struct json *hand = json_member(json_member(m, "joints"), "left_hand");
+        const struct vec3 p = pose_apply(entry->world_from_camera, entry->skeleton.joint[JOINT_LEFT_HAND]);
+        EXPECT_NEAR(json_number(hand, "x"), p.x, 1e-5);
+        EXPECT_NEAR(json_number(hand, "z"), p.z, 1e-5);
+    } else if (!strcmp(topic, "/tf")) {
+        const struct json *t = json_at(json_member(m, "transforms"), 0);
+        EXPECT_NEAR(json_number(json_member(t, "translation"), "x"), entry->world_from_camera.translation.x, 1e-5);
+        EXPECT_NEAR(json_number(json_member(t, "rotation"), "w"), entry->world_from_camera.rotation.w, 1e-7);
+    } else if (!strcmp(topic, "/actor/skeleton")) {
+        const struct json *entity = json_at(json_member(m, "entities"), 0);
+        const struct json *sphere = json_at(json_member(entity, "spheres"), 0);
+        EXPECT_NEAR(json_number(json_member(json_member(sphere, "pose"), "position"), "y"),
+                    entry->skeleton.joint[JOINT_HEAD].y, 1e-5);
+    }
+}
+
+// Every message of the file is valid JSON, at the time of its frame; images, joints and poses are the take's.
+static void check_mcap(struct filmed *f)
+{
+    struct written w;
+    struct read_mcap file;
+    int64_t damaged;
+    FILE *out = begin(&w);
+    EXPECT_STATUS(export_mcap(f->take, out, NULL, &damaged), OK);
+    assert_int_equal(fclose(out), 0);
+    EXPECT_INT(damaged, 0);
+    read_mcap((const uint8_t *)w.text, w.count, &file);
+    int64_t frame = 0;
+    int seen[READ_MCAP_CHANNELS] = {0};
+    for (int c = 0; c < file.channels; c++) {
+        struct json *schema;
+        EXPECT_STATUS(json_parse(file.schema[c], strlen(file.schema[c]), file.topic[c], &schema), OK);
+        json_free(&schema);
+    }
+    for (int i = 0; i < file.count; i++) {
+        const struct read_message *message = &file.messages[i];
+        struct json *m;
+        EXPECT_STATUS(json_parse(message->data, message->count, file.topic[message->channel], &m), OK);
+        while ((int64_t)message->time_ns > take_entry(f->take, frame)->time_ns)
+            frame++;
+        EXPECT_INT(message->time_ns, take_entry(f->take, frame)->time_ns);
+        check_message(f, file.topic[message->channel], m, frame);
+        seen[message->channel]++;
+        json_free(&m);
+    }
+    for (int c = 0; c < file.channels; c++)
+        EXPECT_INT(seen[c], strstr(file.topic[c], "calibration") ? 1 : REHEARSAL_FRAMES);
+    read_mcap_free(&file);
+    free(w.text);
+}
+
 static bool stop_at_once(void *self, double share)
 {
     (void)self;
@@ -722,6 +826,7 @@ static void test_images_come_back(void **state)
     struct filmed f = filmed_open();
     check_points(&f);
     check_place(&f);
+    check_mcap(&f);
     check_folder(&f);
     check_stopped(&f);
     check_film(&f);
