@@ -3,7 +3,7 @@
 // Axes: y down along gravity, x and z level, metres; only where they point is left open. A take that was located in a
 // place is rotated so from the place's z, another take from the floor that its depth shows; where it shows none, the
 // camera counts as held level unless the person says otherwise: joint_samples_level() below. A joints-csv file says its
-// axes, or they are found out (joints_csv_reader.c).
+// axes, or they are found out (joint_rows.h).
 #pragma once
 #include "recording/recording.h"
 
@@ -49,8 +49,8 @@ void joint_samples_start_at_zero(struct joint_samples *samples); // times count 
 // Reads a joints-csv file (formats/joints_csv.h), any line ends. Rows of one time are one sample; rows that
 // hold no finite number or an unknown joint's name are left out; a joint that is missing, empty or at 0, 0, 0 is
 // unknown, and an empty sigma_m is default_sigma_m(). Axes are the file's word or, without it, found out by the body
-// (joints_csv_reader.c); units that are none of the format's, and rows in another order, are found out, too
-// (joints_csv_reader.c). What was found out is in the notes. ERR_INPUT: not such a file, no usable row, or what cannot
+// (joint_rows.h); units that are none of the format's, and rows in another order, are found out, too
+// (joint_rows.h). What was found out is in the notes. ERR_INPUT: not such a file, no usable row, or what cannot
 // be found out; the sentence names the file, the line where it is one's, and the likely cause. ERR_MISSING, ERR_IO,
 // ERR_MEMORY. On failure *out is zeroed.
 MUST_CHECK enum status joint_samples_read_csv(const char *path, struct joint_samples *out);

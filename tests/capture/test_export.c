@@ -12,7 +12,7 @@
 #include "tests/support/read_mcap.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/sql.h"
-#include "tests/world/bvh.h"
+#include "formats/bvh_reader.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

@@ -1,7 +1,7 @@
 #include "tests/world/retarget.h"
 
 #include "platform/files/file.h"
-#include "tests/world/bvh.h"
+#include "formats/bvh_reader.h"
 #include "tests/world/numbers.h"
 
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // Motion files on the small world's figure: what is read, and what is refused.
 #include "tests/support/test.h"
 
-#include "tests/world/bvh.h"
+#include "formats/bvh_reader.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

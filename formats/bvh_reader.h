@@ -1,6 +1,6 @@
 // Reads BVH motion files: a hierarchy of joints with offsets and channels, then
 // one line of numbers a frame. Axes and units are the file's own (by custom y up
-// and centimetres). Internal to tests/world.
+// and centimetres). Pure.
 #pragma once
 #include "base/geometry.h"
 

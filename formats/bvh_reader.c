@@ -1,4 +1,4 @@
-#include "tests/world/bvh.h"
+#include "formats/bvh_reader.h"
 
 #include <ctype.h>
 #include <stdlib.h>

@@ -1,0 +1,33 @@
+// Joints as a file has them, before anything is believed of them: in which order, in which units, which of them are
+// holes, which way the axes point. For the readers of files; internal to this folder. Pure.
+#pragma once
+#include "compare/joint_samples.h"
+
+struct joint_row {
+    double time;       // as the file has it
+    struct vec3 place; // as the file has it; finite
+    float confidence;  // above 0
+    float sigma;       // in the unit of `place`; below 0: not given
+    uint8_t joint;
+};
+
+struct joint_rows {
+    struct joint_row *at; // malloc'ed
+    int64_t count, capacity;
+};
+MUST_CHECK enum status joint_rows_add(struct joint_rows *rows, const struct joint_row *row); // ERR_MEMORY
+void joint_rows_free(struct joint_rows *rows); // zeroed is fine; leaves it zeroed
+
+// Makes samples of the rows and settles order, holes, units and axes; the rows are freed. said: as joint_axes_settle.
+// What was found out is noted. ERR_INPUT: no row, or times or axes that cannot be told; the sentence begins with the
+// path and says the likely cause. ERR_MEMORY. The times are the file's.
+MUST_CHECK enum status joint_rows_finish(struct joint_rows *rows, const char *path, int said,
+                                         struct joint_samples *out);
+
+// Turns, and mirrors, samples in a file's axes into those of joint_samples.h. said: enum joints_csv_axes, as the file
+// says; -1: it does not. What it says is believed but for knees that would bend backwards; a person who
+// then lies or is upside down is only noted. What was found out is noted. The tilt that remains is taken out as
+// joint_samples_level() does, except in a room's axes. ERR_INPUT: nothing is said and it cannot be told; the sentence
+// says why, and the samples are as they were. Samples without hips and shoulders, which no movement is made of, are
+// left as they are.
+MUST_CHECK enum status joint_axes_settle(struct joint_samples *samples, const char *path, int said);
