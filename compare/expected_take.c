@@ -86,7 +86,7 @@ enum status expectation_of_take(const char *path, const char *take, const struct
     struct reference_spread spread = {.references = 0};
     *out = (struct expectation){.ignored = 0};
     *notes = (struct joint_notes){.count = 0};
-    if (is_joints_csv(path))
+    if (is_joints_file(path))
         return OK;
     enum status status = expected_take_read(path, take, reference, &e);
     if (status == OK)

@@ -753,6 +753,23 @@ enum status joint_axes_settle(struct joint_samples *samples, const char *path, i
     return said >= 0 ? apply_stated_axes(samples, (enum joints_csv_axes)said) : find_out(samples, path);
 }
 
+void joint_axes_settle_exact(struct joint_samples *samples, struct vec3 custom)
+{
+    char words[60];
+    if (!can_be_compared(samples))
+        return;
+    const struct up up = find_up(samples);
+    const bool told = (double)up.upright >= MIN_UPRIGHT * (double)samples->count && up.share >= UPRIGHT_SHARE;
+    const struct vec3 axis = told ? nearest_axis(up.axis) : custom;
+    const int hand = find_handedness(samples, true);
+    if (v3_dot(axis, custom) < 0.5)
+        joint_note(&samples->notes, "by the person's head and feet its axes are %s", axis_words(axis, words));
+    if (hand < 0)
+        joint_note(&samples->notes, "%s", backwards);
+    const struct turn turn = turn_for(axis, hand < 0);
+    apply_turn(samples, &turn);
+}
+
 // ---------------------------------------------------------------- samples
 
 // The rows of each time as a sample.
@@ -780,7 +797,7 @@ static enum status make_samples(const struct joint_rows *rows, const struct join
     return status;
 }
 
-enum status joint_rows_finish(struct joint_rows *rows, const char *path, int said, struct joint_samples *out)
+enum status joint_rows_samples(struct joint_rows *rows, const char *path, struct joint_samples *out)
 {
     struct joint_units units;
     enum status status = joint_rows_sort(rows, &out->notes);
@@ -792,8 +809,7 @@ enum status joint_rows_finish(struct joint_rows *rows, const char *path, int sai
         status = joint_rows_units(rows, path, &units, &out->notes);
     if (status == OK)
         status = make_samples(rows, &units, out);
-    joint_rows_free(rows);
     if (status == OK && !out->count)
         status = fail(ERR_INPUT, "%s holds no joint that is known at any time", path);
-    return status == OK ? joint_axes_settle(out, path, said) : status;
+    return status;
 }

@@ -1,4 +1,4 @@
-// Joints over time as they come from a recording or a joints-csv file, before anything is computed from them.
+// Joints over time as they come from a recording, a joints-csv or a motion file, before anything is computed from them.
 //
 // Axes: y down along gravity, x and z level, metres; only where they point is left open. A take that was located in a
 // place is rotated so from the place's z, another take from the floor that its depth shows; where it shows none, the
@@ -55,6 +55,17 @@ void joint_samples_start_at_zero(struct joint_samples *samples); // times count 
 // ERR_MEMORY. On failure *out is zeroed.
 MUST_CHECK enum status joint_samples_read_csv(const char *path, struct joint_samples *out);
 bool is_joints_csv(const char *path); // by its first line; and what is named .csv and is no recording
+
+// Reads a motion file: BVH, TRC or C3D (formats/motion_file.h), whose points are found by the usual names of joints,
+// bones and markers (motion_file_reader.c). Units are the file's or found out by the body, axes by the body or, where
+// that cannot be told, the format's. What was found out, or is missing, is in the notes. ERR_INPUT: no point has a
+// joint's name, or two have the same one; else as joint_samples_read_csv.
+MUST_CHECK enum status joint_samples_read_motion(const char *path, struct joint_samples *out);
+
+// Whether it is a file of joints alone, joints-csv or a motion file, which holds no takes; by its first bytes.
+bool is_joints_file(const char *path);
+// Reads one as what it is.
+MUST_CHECK enum status joint_samples_read_file(const char *path, struct joint_samples *out);
 
 // Whether a take's frame is a sample: a person was tracked in it and, of a take whose sensor was located at all, the
 // sensor had been by then.

@@ -158,7 +158,7 @@ static enum status take_row(struct csv *csv, char *line)
 // The comments before the header may say the axes.
 static enum status read_axes(struct csv *csv, const struct text_file *file)
 {
-    csv->axes = -1;
+    csv->axes = JOINTS_UNSAID;
     for (const char *at = file->next; *at; at += strcspn(at, "\n"), at += *at == '\n') {
         const char *line = at + strspn(at, " \t\r");
         if (*line && *line != '\n' && *line != '#')
@@ -225,7 +225,9 @@ enum status joint_samples_read_csv(const char *path, struct joint_samples *out)
     if (status == OK)
         status = check_names(&c, &out->notes);
     if (status == OK)
-        status = joint_rows_finish(&c.rows, path, c.axes, out);
+        status = joint_rows_samples(&c.rows, path, out);
+    if (status == OK)
+        status = joint_axes_settle(out, path, c.axes);
     joint_rows_free(&c.rows);
     out->sigma_given = c.fields > 6;
     if (status == OK)

@@ -593,12 +593,12 @@ enum status movement_read(const char *path, const char *take, struct movement *o
     *out = (struct movement){0};
     *source = (struct movement_source){0};
     enum status status;
-    if (!is_joints_csv(path))
+    if (!is_joints_file(path))
         status = joint_samples_read_take(path, take, &samples);
     else if (take)
-        return fail(ERR_INPUT, "%s is a joints-csv file and holds no takes; leave the take's name out", path);
+        return fail(ERR_INPUT, "%s is a file of joints and holds no takes; leave the take's name out", path);
     else
-        status = joint_samples_read_csv(path, &samples);
+        status = joint_samples_read_file(path, &samples);
     if (status == OK) {
         source->frames_side_mended = joint_samples_mend_sides(&samples);
         source->frames_dropped = samples.dropped;

@@ -70,8 +70,8 @@ MUST_CHECK enum status movement_copy(const struct movement *movement, int32_t fi
 // MOVEMENT_HOURS_MAX. ERR_MEMORY. On failure *out is zeroed. The samples' axes are joint_samples.h's.
 MUST_CHECK enum status movement_from_samples(const struct joint_samples *samples, struct movement *out);
 
-// From a recording (take NULL: its only one) or a joints-csv file. ERR_INPUT: a take's name was given for a csv file;
-// else as joint_samples_read_*.
+// From a recording (take NULL: its only one), a joints-csv or a motion file. ERR_INPUT: a take's name was given for
+// one; else as joint_samples_read_*.
 struct movement_source {
     int64_t frames_dropped, frames_side_mended, clock_jumps;
     int64_t began_ns;   // as joint_samples.h

@@ -187,7 +187,10 @@ static enum status read_frames(struct word_reader *w, struct bvh *b)
         status = need_number(w, "the frame time", &b->frame_s);
     if (status)
         return status;
-    if (b->frame_count < 1 || !(b->frame_s > 1e-5) || b->frame_s > 10 || b->channel_count < 3)
+    if (!(b->frame_s > 1e-5))
+        return fail(ERR_INPUT, "%s, line %d: its frame time is %g s, so its frames have no times; write seconds there",
+                    w->name, w->line, b->frame_s);
+    if (b->frame_count < 1 || b->frame_s > 10 || b->channel_count < 3)
         return fail(ERR_INPUT, "%s, line %d: %d frames of %d channels, %g s apart, are no motion", w->name, w->line,
                     b->frame_count, b->channel_count, b->frame_s);
     // Every number takes at least two bytes: a header that promises more is invalid and must not cause an allocation.

@@ -89,15 +89,15 @@ int capture_angles(int argc, char **argv)
         {"force", KEY_FORCE, NULL, 0, "write over files that exist, though never over the recording", 0},
         {0},
     };
-    static const struct argp argp = {
-        options,
-        parse_option,
-        "FILE",
-        "Says how far each joint goes in a take, a recording's or a joints-csv file: angles in degrees, with "
-        "what they are.",
-        0,
-        0,
-        0};
+    static const struct argp argp = {options,
+                                     parse_option,
+                                     "FILE",
+                                     "Says how far each joint goes in a take, a recording's or a file of joints "
+                                     "(joints-csv, BVH, TRC, C3D): angles in degrees, with "
+                                     "what they are.",
+                                     0,
+                                     0,
+                                     0};
     struct angles_arguments given = {
         .file_of = {{NULL, angle_report_csv}, {NULL, angle_report_mot}, {NULL, angle_report_html}}};
     struct movement movement = {0};

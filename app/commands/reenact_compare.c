@@ -234,7 +234,8 @@ enum {
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the reference's take; needed where A holds several", 0},
-    {"with", KEY_WITH, "B", 0, "the attempt: a recording or a joints-csv file; repeatable", 0},
+    {"with", KEY_WITH, "B", 0, "the attempt: a recording, or joints alone as joints-csv, BVH, TRC or C3D; repeatable",
+     0},
     {"with-take", KEY_WITH_TAKE, "NAME", 0, "the attempt's take; given again: one more attempt of the same recording",
      0},
     {"tolerance", KEY_TOLERANCE, "PART=DEGREES", 0,
@@ -427,7 +428,7 @@ static enum status expect_of_reference(struct compare_run *run, const struct mov
     struct expected_take kept = {.number = -1};
     struct reference_spread spread = {.references = 0};
     enum status status = OK;
-    if (!a->everything && !is_joints_csv(a->reference))
+    if (!a->everything && !is_joints_file(a->reference))
         status = expected_take_read(a->reference, a->take, reference, &kept);
     if (status == OK)
         status = set_expected(a, reference->count / MOVEMENT_RATE_HZ, &kept.expected);
@@ -489,7 +490,7 @@ static void draw_moments(struct compare_run *run, const char *path, const char *
     first = first < 0 ? 0 : first;
     for (int k = first; k < end; k++)
         wanted += run->attempts[k].moment_count;
-    if (!wanted || is_joints_csv(path))
+    if (!wanted || is_joints_file(path))
         return;
     enum status status = compare_pictures_open(&pictures, path, take);
     for (int k = first; k < end; k++)
@@ -543,7 +544,8 @@ int reenact_compare(int argc, char **argv)
         parse_option,
         "A --with B",
         "Compare the attempt B with the reference A: where they differ, in words and numbers. Both "
-        "are recordings or joints-csv files. Of several attempts the scores are shown in their order.",
+        "are recordings, or files of joints alone: joints-csv, BVH, TRC, C3D. Of several attempts the scores are shown "
+        "in their order.",
         NULL,
         NULL,
         NULL};

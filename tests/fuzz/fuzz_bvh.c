@@ -1,6 +1,6 @@
 // Any bytes as a BVH motion file.
-#include "tests/fuzz/fuzz.h"
 #include "formats/bvh_reader.h"
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
