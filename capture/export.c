@@ -660,24 +660,97 @@ static enum status write_frames(struct folder_export *export, const struct progr
     return status == OK ? calibration_write(path, take_calibration(export->take)) : status;
 }
 
+// dir: what is asked for; part: where it is made.
+static enum status begin_folder(const char *dir, char part[PATH_MAX])
+{
+    if (file_exists(dir))
+        return fail(ERR_EXISTS, "%s exists; give another name", dir);
+    if (snprintf(part, PATH_MAX, "%s.part", dir) >= PATH_MAX)
+        return fail(ERR_INPUT, "the path %.60s… is too long", dir);
+    if (file_exists(part))
+        return fail(ERR_EXISTS, "%s, an unfinished folder, exists; remove it", part);
+    return OK;
+}
+
+static enum status end_folder(const char *part, const char *dir, enum status status)
+{
+    if (status == OK)
+        status = folder_rename(part, dir);
+    if (status != OK)
+        folder_remove(part);
+    return status;
+}
+
 enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch, int64_t *damaged)
 {
     struct folder_export e = {.take = take};
-    if (file_exists(dir))
-        return fail(ERR_EXISTS, "%s exists; give another name", dir);
-    if (snprintf(e.dir, sizeof e.dir, "%s.part", dir) >= (int)sizeof e.dir)
-        return fail(ERR_INPUT, "the path %.60s… is too long", dir);
-    if (file_exists(e.dir))
-        return fail(ERR_EXISTS, "%s, an unfinished folder, exists; remove it", e.dir);
-    enum status status = open_lists(&e);
+    enum status status = begin_folder(dir, e.dir);
+    if (status != OK)
+        return status;
+    status = open_lists(&e);
     if (status == OK)
         status = write_frames(&e, watch, damaged);
     for (int i = 0; i < LIST_COUNT; i++)
         status = output_close(&e.list[i], status);
     free(e.gray);
+    return end_folder(e.dir, dir, status);
+}
+
+// ---------------------------------------------------------------- export ply folder
+
+// NOTHING, ERR_CORRUPT: the frame has no file.
+static enum status write_ply_frame(const struct ply_frames *frames, const char *dir, int64_t frame, int64_t time_ns,
+                                   FILE *list)
+{
+    char name[32], path[PATH_MAX], time[SECONDS_TEXT_BYTES];
+    struct output *out;
+    snprintf(name, sizeof name, "%06lld.ply", (long long)frame);
+    enum status status = join_path(path, dir, name);
     if (status == OK)
-        status = folder_rename(e.dir, dir);
+        status = output_open(&out, path);
     if (status != OK)
-        folder_remove(e.dir);
+        return status;
+    status = output_close(&out, frames->write(frames->self, frame, output_file(out)));
+    if (status == OK)
+        fprintf(list, "%s %s\n", seconds_text(time_ns, 9, time), name);
     return status;
+}
+
+static enum status write_ply_frames(struct take *take, const struct ply_frames *frames, const char *dir,
+                                    const struct progress_watch *watch, int64_t *damaged)
+{
+    const int64_t count = take_frame_count(take);
+    char path[PATH_MAX];
+    struct output *list = NULL;
+    int64_t written = 0;
+    enum status status = join_path(path, dir, "ply.txt");
+    if (status == OK)
+        status = output_open(&list, path);
+    if (status == OK)
+        fputs("# timestamp filename\n", output_file(list));
+    for (int64_t i = 0; i < count && status == OK; i++) {
+        if (!progress_continue(watch, (double)i / (double)count))
+            return output_close(&list, NOTHING);
+        status = write_ply_frame(frames, dir, i, take_entry(take, i)->time_ns, output_file(list));
+        written += status == OK;
+        *damaged += status == ERR_CORRUPT;
+        status = status == NOTHING || status == ERR_CORRUPT ? OK : status;
+    }
+    if (status == OK && !written)
+        status = fail(ERR_INPUT, "no frame of the take has such points");
+    return output_close(&list, status);
+}
+
+enum status export_ply_folder(struct take *take, const struct ply_frames *frames, const char *dir,
+                              const struct progress_watch *watch, int64_t *damaged)
+{
+    char part[PATH_MAX];
+    *damaged = 0;
+    enum status status = begin_folder(dir, part);
+    if (status != OK)
+        return status;
+    status = folder_make(part);
+    if (status == OK)
+        status = write_ply_frames(take, frames, part, watch, damaged);
+    return end_folder(part, dir, status);
 }

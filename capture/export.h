@@ -61,6 +61,17 @@ MUST_CHECK enum status export_c3d(const struct take *take, FILE *out);
 // actor: only those of the actor's mask. NOTHING: the frame has no such samples.
 MUST_CHECK enum status export_points_ply(struct take *take, int64_t frame, bool actor, FILE *out);
 
+// A PLY for each frame: `dir`/000017.ply for frame 17, listed with its time in `dir`/ply.txt as in a TUM folder. write:
+// prints the frame's; NOTHING: it has none. Frames without one, and *damaged ones, are left out. Written as `dir`.part,
+// renamed when whole. ERR_EXISTS: dir exists. ERR_INPUT: no frame has one. NOTHING: the watch said to stop; nothing
+// remains then, nor after an error.
+struct ply_frames {
+    enum status (*write)(void *self, int64_t frame, FILE *out);
+    void *self;
+};
+MUST_CHECK enum status export_ply_folder(struct take *take, const struct ply_frames *frames, const char *dir,
+                                         const struct progress_watch *watch, int64_t *damaged);
+
 // A place in its world's axes: its views' depth samples (every fourth pixel of every fourth row) and landmarks as
 // points, tags as squares. NOTHING: the place is empty.
 MUST_CHECK enum status export_place_ply(const struct place *place, FILE *out);

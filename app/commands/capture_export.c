@@ -32,7 +32,7 @@ struct export_arguments {
     enum export_ply what;
     int skeleton; // enum armature_naming; -1: not given
     double at_s;  // of the take; NaN: its representative frame
-    bool force;
+    bool every_frame, force;
 };
 
 // ---------------------------------------------------------------- the actor's avatar as a model
@@ -68,9 +68,48 @@ static enum status write_mesh(const struct actor_export *actor, int64_t frame, F
                              : status;
 }
 
-// The take's actor as .glb, with --html also as a page, or as the mesh of that frame. NOTHING: the watch said to stop.
-static enum status export_actor(const struct export_arguments *given, struct take *take, int64_t frame, FILE *out,
-                                const struct progress_watch *watch)
+// Of the avatar, or of a take's points.
+struct frame_writer {
+    const struct export_arguments *given;
+    struct take *take;
+    const struct actor_export *actor;
+};
+
+static enum status write_frame_mesh(void *self, int64_t frame, FILE *out)
+{
+    const struct frame_writer *writer = self;
+    return actor_export_mesh_ply(writer->actor, frame, out);
+}
+
+static enum status write_frame_points(void *self, int64_t frame, FILE *out)
+{
+    const struct frame_writer *writer = self;
+    return export_points_ply(writer->take, frame, writer->given->what == PLY_ACTOR, out);
+}
+
+// Where the actor's model, a mesh or a folder of them go.
+struct actor_target {
+    int64_t frame; // of the mesh
+    FILE *out;     // NULL: a folder
+    int64_t *damaged;
+};
+
+static enum status write_actor(const struct export_arguments *given, struct take *take,
+                               const struct actor_export *actor, const struct actor_target *target,
+                               const struct progress_watch *watch)
+{
+    struct frame_writer writer = {given, take, actor};
+    if (given->format == EXPORT_GLB)
+        return write_model(given, actor, target->out);
+    if (target->out)
+        return write_mesh(actor, target->frame, target->out);
+    return export_ply_folder(take, &(struct ply_frames){write_frame_mesh, &writer}, given->out, watch, target->damaged);
+}
+
+// The take's actor as .glb, with --html also as a page, or as the mesh of a frame or of each. NOTHING: the watch said
+// to stop.
+static enum status export_actor(const struct export_arguments *given, struct take *take,
+                                const struct actor_target *target, const struct progress_watch *watch)
 {
     const enum armature_naming naming = (enum armature_naming)given->skeleton;
     struct actor_export actor = {.take = take, .name = given->take, .armature = given->skeleton < 0 ? NULL : &naming};
@@ -95,7 +134,7 @@ static enum status export_actor(const struct export_arguments *given, struct tak
         actor.skeletons = skeletons;
         actor.track = track;
         actor.avatar = &avatar;
-        status = given->format == EXPORT_GLB ? write_model(given, &actor, out) : write_mesh(&actor, frame, out);
+        status = write_actor(given, take, &actor, target, watch);
     }
     avatar_free(&avatar);
     source_rays_close(&rays);
@@ -106,7 +145,18 @@ static enum status export_actor(const struct export_arguments *given, struct tak
 
 // ---------------------------------------------------------------- the command
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_AS, KEY_OUT, KEY_AXES, KEY_SKELETON, KEY_WHAT, KEY_AT, KEY_HTML, KEY_FORCE };
+enum {
+    KEY_TAKE = COMMAND_KEY,
+    KEY_AS,
+    KEY_OUT,
+    KEY_AXES,
+    KEY_SKELETON,
+    KEY_WHAT,
+    KEY_AT,
+    KEY_EVERY,
+    KEY_HTML,
+    KEY_FORCE
+};
 
 static const char *const format_names[] = {
     [EXPORT_CSV] = "joints-csv", [EXPORT_BVH] = "bvh",   [EXPORT_TRC] = "trc",
@@ -139,10 +189,16 @@ static const struct argp_option options[] = {
      "instant) or place (the room)",
      0},
     {"at", KEY_AT, "SECONDS", 0, "of ply: the instant of the take (default: its most typical frame)", 0},
+    {"every-frame", KEY_EVERY, NULL, 0, "of ply: one file for each frame, in a new folder --out", 0},
     {"html", KEY_HTML, "FILE", 0, "with glb: also write a page that shows the actor in a browser", 0},
     {"force", KEY_FORCE, NULL, 0, "write over files that exist, though never over the recording", 0},
     {0},
 };
+
+static bool is_folder(const struct export_arguments *given)
+{
+    return given->format == EXPORT_FOLDER || given->every_frame;
+}
 
 static void check_arguments(struct argp_state *state, const struct export_arguments *given)
 {
@@ -156,7 +212,11 @@ static void check_arguments(struct argp_state *state, const struct export_argume
         argp_error(state, "--html goes with --as glb");
     if (given->skeleton >= 0 && given->format != EXPORT_BVH && given->format != EXPORT_GLB)
         argp_error(state, "--skeleton goes with --as bvh or glb");
-    if (!strcmp(given->out, "-") && given->format == EXPORT_FOLDER)
+    if (given->every_frame && (given->format != EXPORT_PLY || place))
+        argp_error(state, "--every-frame goes with --as ply and a take");
+    if (given->every_frame && !isnan(given->at_s))
+        argp_error(state, "--every-frame and --at exclude each other");
+    if (!strcmp(given->out, "-") && is_folder(given))
         argp_error(state, "a folder cannot be written to standard output");
     if (given->html && !strcmp(given->out, given->html))
         argp_error(state, "--out and --html name the same file");
@@ -185,6 +245,7 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
         given->what = (enum export_ply)command_parse_choice(state, "--what", value, what_names, COUNT_OF(what_names));
         return 0;
     case KEY_AT: given->at_s = command_parse_number(state, "--at", value, 0, 1e6); return 0;
+    case KEY_EVERY: given->every_frame = true; return 0;
     case KEY_HTML: given->html = value; return 0;
     case KEY_FORCE: given->force = true; return 0;
     case ARGP_KEY_ARG: command_take_file(state, &given->file, value); return 0;
@@ -255,16 +316,15 @@ static enum status write_take(struct take *take, const struct export_arguments *
                               const struct progress_watch *watch, int64_t *damaged)
 {
     FILE *file = output_file(out);
-    const int64_t frame = chosen_frame(given, take);
+    const struct actor_target target = {chosen_frame(given, take), file, damaged};
     switch ((enum export_format)given->format) {
     case EXPORT_CSV: return export_joints_csv(take, given->axes, file);
     case EXPORT_BVH: return given->skeleton < 0 ? export_bvh(take, file) : write_armature(take, given, file);
     case EXPORT_TRC: return export_trc(take, given->out, file);
     case EXPORT_C3D: return export_c3d(take, file);
-    case EXPORT_GLB: return export_actor(given, take, frame, file, watch);
+    case EXPORT_GLB: return export_actor(given, take, &target, watch);
     case EXPORT_PLY:
-        return given->what == PLY_MESH ? export_actor(given, take, frame, file, watch)
-                                       : write_points(take, given, file);
+        return given->what == PLY_MESH ? export_actor(given, take, &target, watch) : write_points(take, given, file);
     case EXPORT_MP4: return export_film_mp4(take, file, output_can_seek(out), watch, damaged);
     case EXPORT_MCAP: return export_mcap(take, file, watch, damaged);
     case EXPORT_FOLDER: break; // is no file
@@ -298,6 +358,17 @@ static void warn_of_gaps(const struct export_arguments *given, const struct take
                 colorless, frames);
 }
 
+static enum status write_folder(struct take *take, const struct export_arguments *given,
+                                const struct progress_watch *watch, int64_t *damaged)
+{
+    struct frame_writer writer = {given, take, NULL};
+    if (given->format == EXPORT_FOLDER)
+        return export_folder(take, given->out, watch, damaged);
+    if (given->what == PLY_MESH)
+        return export_actor(given, take, &(struct actor_target){.damaged = damaged}, watch);
+    return export_ply_folder(take, &(struct ply_frames){write_frame_points, &writer}, given->out, watch, damaged);
+}
+
 static enum status write_out(struct recording *recording, const struct export_arguments *given,
                              const struct progress_watch *watch)
 {
@@ -308,8 +379,8 @@ static enum status write_out(struct recording *recording, const struct export_ar
     enum status status = place ? OK : open_take(&take, recording, given);
     if (status == OK && take && !take_frame_count(take))
         status = fail(ERR_INPUT, "the take '%s' holds no frame", given->take);
-    if (status == OK && given->format == EXPORT_FOLDER) {
-        status = export_folder(take, given->out, watch, &damaged);
+    if (status == OK && is_folder(given)) {
+        status = write_folder(take, given, watch, &damaged);
     } else if (status == OK) {
         status = output_open(&out, given->out);
         if (status == OK)
@@ -338,7 +409,7 @@ int capture_export(int argc, char **argv)
     struct recording *recording = NULL;
     enum status status = recording_open(&recording, given.file);
     if (status == OK)
-        status = output_check(given.out, given.file, given.force && given.format != EXPORT_FOLDER);
+        status = output_check(given.out, given.file, given.force && !is_folder(&given));
     if (status == OK && given.html)
         status = output_check(given.html, given.file, given.force);
     if (status == OK) {

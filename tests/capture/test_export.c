@@ -3,6 +3,7 @@
 #include "tests/support/test.h"
 
 #include "capture/export.h"
+#include "formats/bvh_reader.h"
 #include "formats/markers.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
@@ -12,7 +13,6 @@
 #include "tests/support/read_mcap.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/sql.h"
-#include "formats/bvh_reader.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>
@@ -531,6 +531,58 @@ static void check_points(struct filmed *f)
     free(w.text);
 }
 
+static enum status write_points(void *self, int64_t frame, FILE *out)
+{
+    struct filmed *f = self;
+    return frame == 2 ? NOTHING : export_points_ply(f->take, frame, true, out);
+}
+
+static enum status write_none(void *self, int64_t frame, FILE *out)
+{
+    (void)self, (void)frame, (void)out;
+    return NOTHING;
+}
+
+// A file for each frame but the one that has no points, and the list with their times.
+static void check_ply_folder(struct filmed *f)
+{
+    const struct ply_frames frames = {write_points, f}, none = {write_none, f};
+    char dir[300], path[320], first[60];
+    uint8_t *list;
+    size_t count;
+    int64_t damaged;
+    snprintf(dir, sizeof dir, "%s/points", f->rehearsal.scratch.path);
+    EXPECT_STATUS(export_ply_folder(f->take, &none, dir, NULL, &damaged), ERR_INPUT);
+    EXPECT_SAYS("no frame");
+    EXPECT_TRUE(!file_exists(dir));
+    EXPECT_STATUS(export_ply_folder(f->take, &frames, dir, NULL, &damaged), OK);
+    EXPECT_STATUS(export_ply_folder(f->take, &frames, dir, NULL, &damaged), ERR_EXISTS);
+    for (int64_t i = 0; i < REHEARSAL_FRAMES; i++) {
+        struct written one, in_folder;
+        FILE *out = begin(&one);
+        EXPECT_STATUS(export_points_ply(f->take, i, true, out), OK);
+        fclose(out);
+        snprintf(path, sizeof path, "%s/%06lld.ply", dir, (long long)i);
+        EXPECT_INT(file_exists(path), i != 2);
+        if (i != 2) {
+            EXPECT_STATUS(file_read(path, (uint8_t **)&in_folder.text, &in_folder.count), OK);
+            EXPECT_INT(in_folder.count, one.count);
+            assert_memory_equal(in_folder.text, one.text, one.count);
+            free(in_folder.text);
+        }
+        free(one.text);
+    }
+    snprintf(path, sizeof path, "%s/ply.txt", dir);
+    EXPECT_STATUS(file_read(path, &list, &count), OK);
+    int lines = 0;
+    for (size_t i = 0; i < count; i++)
+        lines += list[i] == '\n';
+    EXPECT_INT(lines, REHEARSAL_FRAMES); // a heading, and one less
+    snprintf(first, sizeof first, "\n%.9f 000000.ply\n", (double)take_entry(f->take, 0)->time_ns * 1e-9);
+    assert_non_null(strstr((const char *)list, first));
+    free(list);
+}
+
 static void check_place(struct filmed *f)
 {
     struct written w;
@@ -825,6 +877,7 @@ static void test_images_come_back(void **state)
     (void)state;
     struct filmed f = filmed_open();
     check_points(&f);
+    check_ply_folder(&f);
     check_place(&f);
     check_mcap(&f);
     check_folder(&f);
