@@ -309,6 +309,7 @@ static void test_commands(void **state)
         {NULL, false, {capture, "info", rehearsal.file, "--json", NULL}},
         {NULL, false, {capture, "export", rehearsal.file, "--take", "turn", "--as", "joints-csv", "--out", made, NULL}},
         {NULL, false, {capture, "export", rehearsal.file, "--take", "turn", "--as", "bvh", "--out", made, NULL}},
+        {NULL, false, {capture, "export", rehearsal.file, "--take", "turn", "--as", "mcap", "--out", made, NULL}},
         {NULL, false, {capture, "take", "copy", rehearsal.file, "--take", "turn", "--into", made, NULL}},
         {rehearsal.file, false, {capture, "take", "rename", made, "--take", "once more", "--name", "again", NULL}},
         {rehearsal.file, false, {capture, "take", "trim", made, "--take", "once more", "--from", "0.05", NULL}},
