@@ -325,6 +325,11 @@ static void note_columns(const struct columns *columns, const struct motion_poin
         joint_note(notes, "joints are taken from markers on the skin, which lie some centimetres beside them");
 }
 
+static bool has_both(const struct columns *columns, enum joint left, enum joint right)
+{
+    return columns->of[left].count && columns->of[right].count;
+}
+
 static enum status check_columns(const struct columns *columns, const struct motion_points *points, const char *path)
 {
     int known = 0;
@@ -334,6 +339,13 @@ static enum status check_columns(const struct columns *columns, const struct mot
         return fail(ERR_INPUT,
                     "%s has two points named '%s': which one is meant, or whose, is not known; leave one out", path,
                     columns->twice);
+    if (known && !columns->pelvis_markers && !has_both(columns, JOINT_LEFT_HIP, JOINT_RIGHT_HIP) &&
+        !has_both(columns, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER))
+        return fail(
+            ERR_INPUT,
+            "neither both hips nor both shoulders are named in %s, so there is nothing to compare; names such as "
+            "left_hip, LeftUpLeg, LHip or thigh_l are known",
+            path);
     if (!known)
         return fail(ERR_INPUT,
                     "none of the %d points of %s has a joint's name (the first is '%s'); known are the names of "

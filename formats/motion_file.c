@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 enum status bvh_points_read(const char *name, const uint8_t *bytes, size_t count, struct motion_points *out)
 {
@@ -60,15 +61,26 @@ static enum kind kind_of(const uint8_t *bytes, size_t count)
     return begins_with(at, (size_t)(end - at), "PathFileType") ? KIND_TRC : KIND_NONE;
 }
 
+static bool has_ending(const char *path)
+{
+    static const char *const endings[] = {".bvh", ".trc", ".c3d"};
+    const char *ending = strrchr(path, '.');
+    for (size_t k = 0; k < COUNT_OF(endings) && ending; k++)
+        if (!strcasecmp(ending, endings[k]))
+            return true;
+    return false;
+}
+
 bool is_motion_points_file(const char *path)
 {
+    static const char recording[] = "SQLite format 3";
     uint8_t begin[64];
     FILE *file = fopen(path, "r");
     if (!file)
         return false;
     const size_t got = fread(begin, 1, sizeof begin, file);
     fclose(file);
-    return kind_of(begin, got) != KIND_NONE;
+    return kind_of(begin, got) != KIND_NONE || (has_ending(path) && !begins_with(begin, got, recording));
 }
 
 enum status motion_points_read(const char *path, struct motion_points *out)
@@ -87,7 +99,13 @@ enum status motion_points_read(const char *path, struct motion_points *out)
     }
     case KIND_TRC: status = trc_points_read(path, (char *)bytes, count, out); break;
     case KIND_C3D: status = c3d_points_read(path, bytes, count, out); break;
-    case KIND_NONE: status = fail(ERR_INPUT, "%s is no BVH, TRC or C3D file", path); break;
+    case KIND_NONE:
+        status = count ? fail(ERR_INPUT,
+                              "%s is no BVH, TRC or C3D file: a BVH file begins with HIERARCHY, a TRC file with "
+                              "PathFileType, as plain text",
+                              path)
+                       : fail(ERR_INPUT, "%s is empty", path);
+        break;
     }
     free(bytes);
     if (status != OK)

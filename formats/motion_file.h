@@ -4,7 +4,7 @@
 #pragma once
 #include "formats/motion_points.h"
 
-// By its first bytes, whatever its name.
+// By its first bytes, whatever its name; and what is named .bvh, .trc or .c3d and is no recording.
 bool is_motion_points_file(const char *path);
 
 // ERR_INPUT: not such a file, damaged, empty, or without a rate; the sentence names the file and, of text, the line.

@@ -134,6 +134,8 @@ enum status trc_points_read(const char *name, char *text, size_t count, struct m
     if (!line)
         return fail(ERR_INPUT, "%s ends in its heading; get a whole file", name);
     const int points = read_names(line, NULL);
+    if (!points)
+        return fail(ERR_INPUT, "%s, line %d names no point; columns have to be separated by tabs", name, reader.line);
     int64_t rows = 0;
     enum status status = count_rows(&reader, points, &rows);
     if (status == OK)

@@ -358,15 +358,19 @@ static void test_refuses_in_a_sentence(void **state)
     } bad[] = {
         {"PathFileType", "ends in its heading"},
         {TRC_HEAD, "ends in its heading"},
-        {TRC_HEAD "Frame#\tTime\n", "empty TRC file"},
+        {TRC_HEAD "Frame#\tTime\n", "line 4 names no point"},
         {TRC_HEAD "Frame#\tTime\thead\t\t\n\tX1\tY1\tZ1\n", "no row of numbers"},
         {TRC_HEAD "Frame#\tTime\tM001\t\t\n\tX1\n1\t0\t1\t2\t3\n", "has a joint's name (the first is 'M001')"},
         {TRC_HEAD "Frame#\tTime\thead\t\t\thead\t\t\n\tX1\n1\t0\t1\t2\t3\t1\t2\t3\n", "two points named 'head'"},
         {TRC_HEAD "Frame#\tTime\thead\t\t\n\tX1\n1\tnow\t1\t2\t3\n", "no time in seconds"},
-        {TRC_HEAD "Frame#\tTime\thead\t\t\n\tX1\n1\t0\t\t\t\n", "no joint that is known"},
+        {TRC_HEAD "Frame#\tTime\tLHip\t\t\tRHip\t\t\n\tX1\n1\t0\t\t\t\t\t\t\n", "no joint that is known"},
         {BVH_HEAD "Frame Time: 0\n0 1 0\n", "its frame time is 0 s"},
         {BVH_HEAD "Frame Time: 0.03\n0 1\n", "ends in the middle"},
         {"HIERARCHY\n", "ends in the middle"},
+        {"", "is empty"},
+        {"SQLite", "is no BVH, TRC or C3D file"},
+        {TRC_HEAD "Frame#\tTime\tLHip\t\t\tLeft_Foot\t\t\n\tX1\n1\t0\t1\t2\t3\t1\t2\t3\n",
+         "neither both hips nor both shoulders are named in "},
     };
     for (size_t k = 0; k < COUNT_OF(bad); k++) {
         struct joint_samples s;
