@@ -1,7 +1,7 @@
 #include "tests/world/retarget.h"
 
-#include "platform/files/file.h"
 #include "formats/bvh_reader.h"
+#include "platform/files/file.h"
 #include "tests/world/numbers.h"
 
 #include <stdlib.h>
