@@ -607,8 +607,12 @@ void coach_next(struct coach *coach, const struct coach_frame *frame)
     note_person(coach, frame);
     coach->last_ns = frame->time_ns;
     coach->frames++;
-    const char *said = coach->coverage.frames ? advice_texts[coach->advice] : "looking for a person";
-    if (coach->coverage.frames && coach->purpose == PURPOSE_COMPARE)
+    const char *said = advice_texts[coach->advice];
+    if (!coach->coverage.frames)
+        said = "looking for a person";
+    else if (!coach->coverage.looks)
+        said = "your trunk is hidden: turn a side to the sensor";
+    else if (coach->purpose == PURPOSE_COMPARE)
         said = "nothing is in the way";
     for (int f = FAULT_COUNT - 1; f >= 0; f--)
         if (coach->fault[f].raised)
@@ -726,6 +730,10 @@ static void say_coverage(const struct coach *coach, struct take_verdict *verdict
     const struct coverage *coverage = &coach->coverage;
     const double share = coverage_share(coverage);
     char sides[120];
+    if (!coverage->looks) { // the trunk was guessed throughout
+        verdict->spoilt |= USE_WATCH;
+        return;
+    }
     const int unseen = unseen_sides(coverage, sides, sizeof sides);
     if (unseen)
         verdict_say(verdict, USE_WATCH, "%s it is guessed: turn round once to be seen from all sides", sides);

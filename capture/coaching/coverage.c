@@ -309,6 +309,9 @@ static void add_samples(struct coverage *coverage, const struct coverage_view *v
 bool coverage_add(struct coverage *coverage, const struct coverage_view *view)
 {
     struct surface_pose pose;
+    coverage->frames++;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        coverage->guessed[j] += is_guessed(view->skeleton, (enum joint)j);
     if (!surface_pose_of(view->skeleton, &pose) || !pose.part[PART_UPPER_TORSO].known)
         return false;
     if (view->depth)
@@ -318,10 +321,7 @@ bool coverage_add(struct coverage *coverage, const struct coverage_view *view)
             coverage->length_m[part] += pose.part[part].to - pose.part[part].from;
             coverage->lengths[part]++;
         }
-    for (int j = 0; j < JOINT_COUNT; j++)
-        coverage->guessed[j] += is_guessed(view->skeleton, (enum joint)j);
     coverage->facing[angle_sector(coverage_facing(&pose))]++;
-    coverage->frames++;
     return true;
 }
 

@@ -72,7 +72,7 @@ struct coverage {
     uint32_t lengths[SURFACE_PARTS];
     uint32_t facing[SURFACE_ANGLES]; // frames in which the camera was at this angle of the body, from its front
     uint32_t frames;                 // with a person
-    uint32_t looks;                  // of them, with depth
+    uint32_t looks;                  // of them, with depth and a known trunk
     uint32_t guessed[JOINT_COUNT];   // of them, with the joint unknown or inferred to no better than 15 cm
 };
 
@@ -85,7 +85,8 @@ struct coverage_view {
 };
 
 void coverage_reset(struct coverage *coverage);
-// One frame. Up to 3000 depth samples are read, evenly over the image. False: its trunk is unknown, it is left out.
+// One frame with a person. Up to 3000 depth samples are read, evenly over the image. False: its trunk is unknown, as of
+// one in a push-up towards the sensor; no side of the body is seen in it.
 bool coverage_add(struct coverage *coverage, const struct coverage_view *view);
 
 // Share of the surface that was seen, 0..1, weighted by area; cells inside another part do not count.

@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "capture/coaching/coach.h"
 #include "capture/recorder.h"
-#include "reenact/render/actor_renderer.h"
+#include "tests/support/drawn_film.h"
 #include "tests/support/film.h"
 
 #include <stdio.h>
@@ -25,13 +25,13 @@ static const struct film_case {
     {"man", "pirouette", 0.6}, {"heavy", "pirouette", 0.7}, {"woman", "kata", 1},      {"man", "kata", 1},
     {"tall", "kata", 0.5},     {"child", "walk", 1},        {"man", "walk", 1},        {"woman", "bend", 1},
 };
-enum { FILMS = COUNT_OF(films), VIEWS = 12 };
-static const double SCALE = 0.375, RATE_HZ = 22, VIEW_SCALE = 0.25;
+enum { FILMS = COUNT_OF(films) };
+static const double SCALE = 0.375, RATE_HZ = 22;
 static double max_s = 1.5; // of a film
 
 struct outcome {
     bool good;
-    double grade, outline, psnr_db; // outline: mean intersection over union; psnr over the union
+    double grade, outline, psnr_db; // the last two as in struct drawn_score
 };
 
 static void see(void *context, const struct recorder_seen *seen)
@@ -58,84 +58,6 @@ static void record_film(const struct world *world, const struct scratch *scratch
     EXPECT_STATUS(recorder_run(source, writer, "film", NULL, &options, &result), OK);
     EXPECT_STATUS(recording_close(&writer), OK);
     source_close(&source);
-}
-
-// The view number i of the person at time_s, 2.6 m away and 1.3 m high, a twelfth of a turn after the one before.
-static struct pose view_pose(const struct world *world, double time_s, int i)
-{
-    const struct skeleton joints = world_joints(world, time_s);
-    const double angle = 6.283185307179586 * i / VIEWS;
-    const struct vec3 at = joints.joint[JOINT_WAIST], from = v3(at.x + 2.6 * sin(angle), at.y - 2.6 * cos(angle), 1.3),
-                      z = v3_unit(v3_sub(v3(at.x, at.y, 0.9), from)), x = v3_unit(v3_cross(z, v3(0, 0, 1))),
-                      y = v3_cross(z, x);
-    double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
-    return (struct pose){quat_from_matrix(m), from};
-}
-
-struct canvas {
-    struct lens lens;
-    uint8_t *room, *expected, *mask, *drawn, *actor;
-};
-
-static void score_view(const struct canvas *c, double *outline, double *psnr_db)
-{
-    double both = 0, either = 0, squares = 0;
-    for (int i = 0; i < c->lens.width * c->lens.height; i++) {
-        const bool there = c->mask[i] != 0, shown = c->actor[4 * i + 3] >= 128;
-        both += there && shown;
-        either += there || shown;
-        for (int k = 0; k < 3 && (there || shown); k++) {
-            const double d = (double)c->drawn[3 * i + k] - (double)c->expected[3 * i + k];
-            squares += d * d;
-        }
-    }
-    *outline = either > 0 ? both / either : 0;
-    *psnr_db = either > 0 ? 10 * log10(65025 / fmax(squares / (3 * either), 1e-6)) : 0;
-}
-
-// A take without a place stands in a world with z up for a camera held level, which has the sensor at its origin.
-static const struct pose level_from_sensor = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
-
-static void draw_film(const struct world *world, const char *path, double seconds, struct gpu *gpu, struct outcome *out)
-{
-    struct recording *recording;
-    struct take *take;
-    struct renderer *renderer;
-    struct canvas c = {.lens = world_calibration(VIEW_SCALE).color};
-    const size_t pixels = (size_t)c.lens.width * (size_t)c.lens.height;
-    const struct renderer_options options = renderer_default_options();
-    c.room = malloc(14 * pixels);
-    c.expected = c.room + 3 * pixels;
-    c.drawn = c.expected + 3 * pixels;
-    c.actor = c.drawn + 3 * pixels;
-    c.mask = c.actor + 4 * pixels;
-    const struct pose take_from_world = pose_multiply(level_from_sensor, pose_inverse(world_sensor_pose(world)));
-    EXPECT_STATUS(recording_open(&recording, path), OK);
-    EXPECT_STATUS(take_open(&take, recording, "film"), OK);
-    EXPECT_STATUS(renderer_open(&renderer, gpu, take, &c.lens, &options), OK);
-    for (int i = 0; i < VIEWS; i++) {
-        // Frames of the film itself, a twelfth of it apart, each from another side.
-        const double time_s = floor(seconds * RATE_HZ * ((i * 5) % VIEWS + 0.5) / VIEWS) / RATE_HZ;
-        struct world_shot shot = {c.lens, view_pose(world, time_s, i), time_s, false};
-        double outline, psnr_db;
-        struct renderer_result result;
-        EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = c.room}), OK);
-        shot.actor = true;
-        EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = c.expected, .mask = c.mask}), OK);
-        const struct renderer_view view = {.world_from_camera = pose_multiply(take_from_world, shot.world_from_camera),
-                                           .time_ns = (int64_t)(time_s * 1e9 + 0.5),
-                                           .color = c.room};
-        EXPECT_STATUS(renderer_draw(renderer, &view, &result), OK);
-        EXPECT_STATUS(renderer_read(renderer, c.drawn), OK);
-        EXPECT_STATUS(renderer_read_actor(renderer, c.actor), OK);
-        score_view(&c, &outline, &psnr_db);
-        out->outline += outline / VIEWS;
-        out->psnr_db += psnr_db / VIEWS;
-    }
-    renderer_close(&renderer);
-    take_close(&take);
-    recording_free(&recording);
-    free(c.room);
 }
 
 // What the grade could be made of; to choose it by.
@@ -181,7 +103,10 @@ static void judge_film(const struct film_case *film, struct gpu *gpu, struct out
     const double filmed_s = (double)(clock_cpu_ns() - begun_ns) * 1e-9;
     coach_verdict(&coach, &verdict);
     *out = (struct outcome){.good = verdict_is_good_for(&verdict, USE_WATCH), .grade = coach_grade(&coach)};
-    draw_film(world, scratch_file(&scratch, "film.reenact"), seconds, gpu, out);
+    const struct drawn_score score =
+        draw_film(world, scratch_file(&scratch, "film.reenact"), &(struct drawn_film){"film", seconds, RATE_HZ}, gpu);
+    out->outline = score.outline;
+    out->psnr_db = score.psnr_db;
     printf("%-6s %-9s %3.0f %%: grade %.3f%s, outline %.3f, %.1f dB; %s\n", film->figure, film->motion,
            100 * film->share, out->grade, out->good ? " good" : "", out->outline, out->psnr_db, verdict.line[0].text);
     print_features(&coach);
