@@ -1,7 +1,6 @@
 // reenact-capture studio: filming in a window, with coaching.
 #include "app/commands/commands.h"
-#include "app/studio/studio.h"
-#include "base/clamp.h"
+#include "app/commands/studio_window.h"
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/screen/window.h"
@@ -54,76 +53,6 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
     }
 }
 
-struct studio_run {
-    struct window *window;
-    struct gpu *gpu;
-    struct studio studio;
-    int page_shown; // the studio's in its last frame
-    bool played;    // the last frame was the player's
-};
-
-static void wake_window(void *self) { window_wake(((struct studio_run *)self)->window); }
-
-// Whether the frame shows another page than the one before. What was pressed until now was not meant for this one.
-static bool is_other_page(struct studio_run *run)
-{
-    struct input_map *input = &run->studio.input;
-    bool other = run->studio.playing != run->played;
-    run->played = run->studio.playing;
-    if (run->studio.playing)
-        return viewer_presented(run->studio.viewer, clock_now_ns()) || other;
-    other |= input->shown_page != run->page_shown;
-    if (other)
-        input_map_forget(input);
-    run->page_shown = input->shown_page;
-    return other;
-}
-
-static enum status draw_page(struct studio_run *run, double px_per_dp, int64_t now_ns)
-{
-    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(run->window), .px_per_dp = px_per_dp};
-    window_size(run->window, &surface.width, &surface.height);
-    enum status status = studio_draw(&run->studio, &surface, now_ns);
-    if (status != OK)
-        return status;
-    window_present(run->window);
-    if (is_other_page(run))
-        window_drop_input(run->window);
-    return OK;
-}
-
-static enum status run_event_loop(struct studio_run *run, int64_t until_ns)
-{
-    int64_t due_ns = 0;
-    while (!studio_finished(&run->studio)) {
-        int width, height;
-        window_size(run->window, &width, &height);
-        const double px_per_dp = viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(run->window)),
-                                                            run->studio.state.text_size, width, height);
-        int64_t wait_ns = due_ns - clock_now_ns();
-        for (;;) {
-            const int wait_ms = (int)clamp_int64(wait_ns / 1000000, 0, 100);
-            const struct window_event event = window_wait(run->window, wait_ms);
-            wait_ns = 0;
-            if (event.kind == WINDOW_NO_EVENT || studio_event(&run->studio, &event, px_per_dp, clock_now_ns()))
-                break;
-        }
-        const int64_t now_ns = clock_now_ns();
-        if ((until_ns && now_ns >= until_ns) || command_stopped())
-            studio_do(&run->studio.state, STUDIO_QUIT, now_ns);
-        due_ns = studio_update(&run->studio, now_ns);
-        window_type(run->window, studio_types(&run->studio));
-        if (!studio_changed(&run->studio))
-            continue;
-        enum status status = draw_page(run, px_per_dp, now_ns);
-        if (status != OK)
-            return status;
-        if (run->studio.playing)
-            due_ns = now_ns + 16000000;
-    }
-    return OK;
-}
-
 // Before anybody films for it.
 static enum status check_file(const char *path)
 {
@@ -164,17 +93,18 @@ int capture_studio(int argc, char **argv)
         NULL,
         NULL};
     static char settings[1024];
-    static struct studio_run run; // snapshots are too large for the stack
+    struct window *window = NULL;
+    struct gpu *gpu = NULL;
     struct studio_arguments given = {.size = {1280, 800}};
     command_parse(&argp, argc, argv, &given);
-    const struct window_options window = {"Reenact studio", given.size[0], given.size[1], given.fullscreen, 0,
+    const struct window_options screen = {"Reenact studio", given.size[0], given.size[1], given.fullscreen, 0,
                                           given.dpi};
     const bool keeps = settings_file_path(settings, sizeof settings);
     enum status status = check_file(given.file);
     if (status == OK)
-        status = window_open(&run.window, &window);
+        status = window_open(&window, &screen);
     if (status == OK)
-        status = gpu_adopt(&run.gpu);
+        status = gpu_adopt(&gpu);
     if (status == OK) {
         const struct studio_options how = {.file = given.file,
                                            .sensor = given.sensor,
@@ -183,18 +113,13 @@ int capture_studio(int argc, char **argv)
                                            .settings = keeps ? settings : NULL,
                                            .text_size = given.text,
                                            .purpose = given.purpose,
-                                           .body_points = true,
-                                           .refresh_hz = window_refresh_hz(run.window),
-                                           .wake = wake_window,
-                                           .wake_self = &run};
+                                           .body_points = true};
         command_catch_signals();
-        status = studio_open(&run.studio, run.gpu, &how);
+        status = studio_window_run(window, gpu, &how,
+                                   given.seconds > 0 ? clock_now_ns() + (int64_t)(given.seconds * 1e9) : 0);
     }
-    if (status == OK)
-        status = run_event_loop(&run, given.seconds > 0 ? clock_now_ns() + (int64_t)(given.seconds * 1e9) : 0);
-    studio_close(&run.studio);
-    gpu_close(&run.gpu);
-    window_close(&run.window);
+    gpu_close(&gpu);
+    window_close(&window);
     if (status != OK && given.say_in_window)
         window_say("Reenact Studio", status_message());
     return status == OK ? 0 : command_failed(argv[0]);

@@ -260,6 +260,8 @@ static int choose_command(const struct choice *choice)
     const char *slash = strrchr(argv[0], '/');
     const char *program = slash ? slash + 1 : argv[0];
     const char *word = argc > 1 ? argv[1] : NULL;
+    if (!word && fallback)
+        return run_command(fallback, program, argc, argv);
     if (!word) {
         print_commands(stderr, about, commands, count, program);
         return 2;

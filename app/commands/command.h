@@ -15,10 +15,10 @@ struct command {
     int (*run)(int argc, char **argv); // argv[0] is "program command"
 };
 
-// Runs the command that argv[1] names; prints the list for --help (0) or for no command (2); for an unknown one says
-// which may have been meant (2). `fallback`, where not NULL, takes an argv[1] that is a file's name or an option; its
-// --help follows the list. When the program ends, exit handlers of libraries are not run. Threads have stacks of at
-// least 8 MB.
+// Runs the command that argv[1] names; prints the list for --help (0) or, without a fallback, for no command (2); for
+// an unknown one says which may have been meant (2). `fallback`, where not NULL, takes no argv[1], or one that is a
+// file's name or an option; its --help follows the list. When the program ends, exit handlers of libraries are not run.
+// Threads have stacks of at least 8 MB.
 int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
                  int argc, char **argv);
 

@@ -12,6 +12,7 @@ int main(int argc, char **argv)
     };
     static const struct command watch = {"FILE", "watch, in a window", reenact_watch};
     return command_main(
-        "reenact shows a recorded person again, from any side.\n\n  reenact FILE               watch, in a window",
+        "reenact shows a recorded person again, from any side.\n\n  reenact FILE               watch, in a "
+        "window; without FILE a start screen opens",
         commands, COUNT_OF(commands), &watch, argc, argv);
 }

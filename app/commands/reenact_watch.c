@@ -1,9 +1,14 @@
-// reenact FILE: the viewer. A take in its place, seen through a camera or from an orbit.
+// reenact FILE: the viewer. A take in its place, seen through a camera or from an orbit. reenact: the start screen,
+// from which recordings are opened and filmed, and to which one comes back.
 #include "app/commands/commands.h"
+#include "app/commands/start_window.h"
+#include "app/commands/studio_window.h"
 #include "app/viewer/settings.h"
 #include "app/viewer/viewer.h"
 #include "base/clamp.h"
 #include "base/clock.h"
+#include "platform/files/file.h"
+#include "platform/files/installed.h"
 #include "platform/screen/gpu.h"
 #include "platform/screen/window.h"
 #include "platform/sensors/source.h"
@@ -12,9 +17,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 struct watch_arguments {
-    const char *file, *take, *camera, *sensor, *photos;
+    const char *file, *take, *camera, *sensor, *photos; // file NULL: the start screen
+    const char *with;                                   // chosen there: whose takes are compared with the file's
     bool fullscreen, light, developer, mirrored, no_body_points, stats, ask, say_in_window;
     int rotate, size[2];
     double dpi, seconds, text; // text: 0: as it was
@@ -100,7 +107,10 @@ static error_t parse_option(int key, char *value, struct argp_state *state)
         return 0;
     case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
-    case ARGP_KEY_END: command_require(state, a->file, "FILE"); return 0;
+    case ARGP_KEY_END:
+        if (!a->file && a->take)
+            argp_error(state, "--take needs a FILE");
+        return 0;
     }
     return ARGP_ERR_UNKNOWN;
 }
@@ -127,6 +137,7 @@ struct watch {
     struct viewer *viewer;
     char *take; // after the graphics device was lost: that was shown
     bool fullscreen, hidden;
+    bool closed; // by the window's own button: all of it is left, not only the recording
     int64_t started_ns, shown_ns, until_ns;
     int milestones;        // of those below, how many the screen has shown
     char status_text[512]; // the sentence that the screen shows
@@ -208,6 +219,7 @@ static struct viewer_options options_of(struct watch *watch)
                                    .take = a->take,
                                    .camera = *camera && strcmp(camera, "none") ? camera : NULL,
                                    .sensor = a->sensor,
+                                   .compare_with = a->with,
                                    .no_body_points = a->no_body_points,
                                    .photos = a->photos,
                                    .light = a->light,
@@ -224,18 +236,23 @@ static struct viewer_options options_of(struct watch *watch)
                                    .wake_self = watch};
 }
 
-static enum status watch_open(struct watch *watch, const struct viewer_options *from)
+static enum status open_screen(struct watch *watch, bool fullscreen)
 {
     const struct watch_arguments *a = watch->arguments;
+    const struct window_options screen = {"Reenact", a->size[0], a->size[1], fullscreen, a->rotate / 90, a->dpi};
+    const enum status status = window_open(&watch->screen, &screen);
+    watch->fullscreen = fullscreen;
+    return status == OK ? gpu_adopt(&watch->gpu) : status;
+}
+
+// Opens the window, too, where there is none.
+static enum status watch_open(struct watch *watch, const struct viewer_options *from)
+{
     struct viewer_options how = *from;
-    const struct window_options screen = {"Reenact", a->size[0], a->size[1], how.fullscreen, a->rotate / 90, a->dpi};
-    enum status status = window_open(&watch->screen, &screen);
-    if (status == OK)
-        status = gpu_adopt(&watch->gpu);
+    const enum status status = watch->screen ? OK : open_screen(watch, how.fullscreen);
     if (status != OK)
         return status;
     how.refresh_hz = window_refresh_hz(watch->screen);
-    watch->fullscreen = how.fullscreen;
     return viewer_open(&watch->viewer, watch->gpu, &how);
 }
 
@@ -271,6 +288,7 @@ static void handle_events(struct watch *watch, int wait_ms)
         wait_ms = 0;
         if (event.kind == WINDOW_NO_EVENT)
             return;
+        watch->closed |= event.kind == WINDOW_QUIT;
         if (event.kind == WINDOW_HIDDEN || event.kind == WINDOW_SHOWN)
             viewer_suspend(watch->viewer, watch->hidden = event.kind == WINDOW_HIDDEN, clock_now_ns());
         if (viewer_event(watch->viewer, &event, px_per_dp(watch), clock_now_ns()))
@@ -343,13 +361,130 @@ static enum status watch_loop(struct watch *watch)
     return OK;
 }
 
+// Until the user leaves it. A device that is lost within a few frames is not opened again.
+static enum status watch_recording(struct watch *watch, const struct viewer_options *first)
+{
+    enum status status = watch_open(watch, first);
+    if (status == OK)
+        status = watch_loop(watch);
+    while (status == ERR_DEVICE && watch->viewer && viewer_shown(watch->viewer).frames >= MIN_DRAWN_FRAMES) {
+        status = watch_reopen(watch);
+        if (status == OK)
+            status = watch_loop(watch);
+    }
+    if (status == OK && watch->arguments->stats) {
+        printf("screen    %s, %s\n", window_driver(watch->screen), gpu_renderer(watch->gpu));
+        viewer_print_stats(watch->viewer, stdout);
+    }
+    return status;
+}
+
+// ---------------------------------------------------------------- from the start screen
+
+static void note_opened(const char *file)
+{
+    char recents[RECENT_PATH_BYTES];
+    if (recent_file_path(recents, sizeof recents))
+        status_ignore(recent_add(recents, file, (int64_t)time(NULL))); // a list that cannot be written is none
+}
+
+// The first depth sensor, if there is one.
+static bool find_sensor(char *out, size_t bytes)
+{
+    struct source_device devices[16];
+    int count = 0;
+    if (source_devices(devices, (int)COUNT_OF(devices), &count) != OK)
+        return false;
+    for (int i = 0; i < count && i < (int)COUNT_OF(devices); i++)
+        if (strncmp(devices[i].uri, "libcamera", 9) != 0)
+            return snprintf(out, bytes, "%s", devices[i].uri) < (int)bytes;
+    return false;
+}
+
+// What the start screen is to say next, or "".
+struct notice {
+    char text[300];
+};
+
+static enum status film(struct watch *watch, const struct start_choice *choice, const char *settings,
+                        struct notice *notice)
+{
+    const struct studio_options how = {.file = choice->file,
+                                       .sensor = watch->arguments->sensor,
+                                       .settings = settings,
+                                       .body_points = !watch->arguments->no_body_points};
+    const enum status status = studio_window_run(watch->screen, watch->gpu, &how, watch->until_ns);
+    if (status == OK && file_exists(choice->file)) {
+        note_opened(choice->file);
+        snprintf(notice->text, sizeof notice->text, "The takes are in %.250s", choice->file);
+    }
+    return status;
+}
+
+static enum status open_choice(struct watch *watch, const struct watch_arguments *given,
+                               const struct start_choice *choice, struct notice *notice)
+{
+    char sensor[300];
+    struct watch_arguments chosen = *given;
+    chosen.file = choice->file;
+    chosen.with = choice->mode == START_COMPARE ? choice->with : NULL;
+    chosen.sensor = NULL;
+    if (choice->mode == START_BESIDE) {
+        chosen.sensor = given->sensor;
+        if (!chosen.sensor && find_sensor(sensor, sizeof sensor))
+            chosen.sensor = sensor;
+        if (!chosen.sensor) {
+            snprintf(notice->text, sizeof notice->text,
+                     "No depth sensor is plugged in; plug one in to do it beside the actor, or watch it");
+            return OK;
+        }
+    }
+    note_opened(choice->file);
+    watch->arguments = &chosen;
+    const struct viewer_options first = options_of(watch);
+    const enum status status = watch_recording(watch, &first);
+    watch->arguments = given;
+    viewer_close(&watch->viewer);
+    return status;
+}
+
+static enum status start_and_watch(struct watch *watch, const struct watch_arguments *given)
+{
+    char settings[RECENT_PATH_BYTES], recents[RECENT_PATH_BYTES], sample[FILE_PATH_BYTES];
+    const bool keeps = settings_file_path(settings, sizeof settings), notes = recent_file_path(recents, sizeof recents),
+               has_sample = installed_sample(sample) != NULL;
+    struct notice notice = {""};
+    enum status status = open_screen(watch, given->fullscreen);
+    while (status == OK && !watch->closed && !command_stopped()) {
+        struct start_choice choice;
+        const struct start_options how = {.settings = keeps ? settings : NULL,
+                                          .recents = notes ? recents : NULL,
+                                          .sample = has_sample ? sample : NULL,
+                                          .notice = *notice.text ? notice.text : NULL,
+                                          .light = given->light,
+                                          .text_size = given->text};
+        status = start_window_run(watch->screen, watch->gpu, &how, watch->until_ns, &choice);
+        notice.text[0] = 0;
+        if (status != OK || choice.wish == START_WISHES_LEAVE)
+            break;
+        if (choice.wish == START_WISHES_FILM)
+            status = film(watch, &choice, how.settings, &notice);
+        else
+            status = open_choice(watch, given, &choice, &notice);
+        if (watch->until_ns && clock_now_ns() >= watch->until_ns)
+            break;
+    }
+    return status;
+}
+
 int reenact_watch(int argc, char **argv)
 {
     static const struct argp argp = {
         options,
         parse_option,
-        "FILE",
-        "Watch a recorded person, life-size, where they stood.\v"
+        "[FILE]",
+        "Watch a recorded person, life-size, where they stood. Without FILE a start screen opens: recordings to watch, "
+        "to do beside and to compare, and filming.\v"
         "Through a camera the actor stands in its picture; without one, or with O, you walk round by dragging and come "
         "nearer with two fingers or the wheel.\n\n"
         "Keys: space play, arrows step, Home and End, - and + speed, L loop, M mirror, B skeleton, X where pixels come "
@@ -368,25 +503,17 @@ int reenact_watch(int argc, char **argv)
     struct watch watch = {.arguments = &given, .started_ns = clock_now_ns()};
     command_catch_signals();
     struct failure nothing_to_watch;
-    enum status status = check_file(&given);
+    enum status status = given.file ? check_file(&given) : OK;
     failure_keep(&nothing_to_watch, status);
-    if (status == OK || given.say_in_window) { // before that no camera is looked for
-        const struct viewer_options first = options_of(&watch);
-        status = watch_open(&watch, &first);
-    }
     if (given.seconds > 0)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
-    if (status == OK)
-        status = watch_loop(&watch);
-    // A device that is lost within a few frames is not opened again.
-    while (status == ERR_DEVICE && watch.viewer && viewer_shown(watch.viewer).frames >= MIN_DRAWN_FRAMES) {
-        status = watch_reopen(&watch);
+    if (!given.file) {
+        status = start_and_watch(&watch, &given);
+    } else if (status == OK || given.say_in_window) { // before that no camera is looked for
+        const struct viewer_options first = options_of(&watch);
         if (status == OK)
-            status = watch_loop(&watch);
-    }
-    if (status == OK && given.stats) {
-        printf("screen    %s, %s\n", window_driver(watch.screen), gpu_renderer(watch.gpu));
-        viewer_print_stats(watch.viewer, stdout);
+            note_opened(given.file);
+        status = watch_recording(&watch, &first);
     }
     watch_close(&watch);
     free(watch.take);

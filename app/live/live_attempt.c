@@ -11,7 +11,7 @@
 #include <string.h>
 
 struct attempt_judge {
-    char *path, *names[2]; // of takes: the recording's, the reference's and the attempt's; NULL: of an attempt
+    char *paths[2], *names[2]; // of takes: the reference's recording and name, and the attempt's; NULL: of an attempt
     void (*notify)(void *self);
     void *notify_self;
     struct movement part;        // of the reference
@@ -99,13 +99,13 @@ static enum status read_takes(struct attempt_judge *judge)
 {
     struct movement_source source;
     struct joint_notes notes = {.count = 0};
-    enum status status = movement_read(judge->path, judge->names[0], &judge->part, &source);
+    enum status status = movement_read(judge->paths[0], judge->names[0], &judge->part, &source);
     judge->counts = true;
     if (status == OK)
-        status = expectation_of_take(judge->path, judge->names[0], &judge->part, &judge->expected, &notes);
+        status = expectation_of_take(judge->paths[0], judge->names[0], &judge->part, &judge->expected, &notes);
     if (notes.count)
         snprintf(judge->attempt.note, sizeof judge->attempt.note, "%.199s", notes.line[0]);
-    return status == OK ? joint_samples_read_take(judge->path, judge->names[1], &judge->attempt.samples) : status;
+    return status == OK ? joint_samples_read_take(judge->paths[1], judge->names[1], &judge->attempt.samples) : status;
 }
 
 static void *run_judge(void *self)
@@ -114,7 +114,7 @@ static void *run_judge(void *self)
     struct live_attempt *a = &j->attempt;
     struct movement attempt = {0};
     thread_lower_priority();
-    enum status status = j->path ? read_takes(j) : OK;
+    enum status status = j->paths[0] ? read_takes(j) : OK;
     if (status == OK && !a->samples.count)
         status = fail(ERR_INPUT, "Nothing of the person was seen");
     if (status == OK) {
@@ -178,10 +178,11 @@ enum status attempt_judge_start_takes(struct attempt_judge **out, const struct t
     j->notify = task->notify;
     j->notify_self = task->notify_self;
     j->attempt = (struct live_attempt){.number = task->number};
-    j->path = strdup(task->path);
+    j->paths[0] = strdup(task->path);
+    j->paths[1] = strdup(task->attempt_path);
     j->names[0] = strdup(task->reference);
     j->names[1] = strdup(task->attempt);
-    const bool copied = j->path && j->names[0] && j->names[1];
+    const bool copied = j->paths[0] && j->paths[1] && j->names[0] && j->names[1];
     return start_thread(out, j, copied ? OK : fail(ERR_MEMORY, "no memory to compare takes"));
 }
 
@@ -194,7 +195,8 @@ void attempt_judge_close(struct attempt_judge **out)
     if (!j->taken)
         live_attempt_free(&j->attempt);
     movement_free(&j->part);
-    free(j->path);
+    free(j->paths[0]);
+    free(j->paths[1]);
     free(j->names[0]);
     free(j->names[1]);
     free(j);

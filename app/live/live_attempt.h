@@ -42,7 +42,8 @@ MUST_CHECK enum status attempt_judge_start(struct attempt_judge **out, const str
                                            struct joint_samples *samples);
 
 struct takes_task {
-    const char *path, *reference, *attempt; // a recording, and two takes of it; copied
+    const char *path, *reference;       // a recording, and a take of it; copied
+    const char *attempt_path, *attempt; // the same or another one; copied
     int number;
     void (*notify)(void *self); // as above
     void *notify_self;

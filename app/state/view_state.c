@@ -59,6 +59,7 @@ struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
 {
     return (struct view_state){.page = take_count == 1 ? PAGE_WATCH : PAGE_TAKES,
                                .take_count = take_count,
+                               .own_count = take_count,
                                .take_wanted = take_count == 1,
                                .playback = playback_start(0, 1),
                                .orbiting = true,
@@ -148,6 +149,22 @@ static void change_speed(struct view_state *state, int by, int64_t now_ns)
     playback_set_speed(&state->playback, now_ns, view_speeds[next]);
 }
 
+bool view_state_lists_other(const struct view_state *state)
+{
+    return state->compare.asked == CHOICE_ATTEMPT && state->compare.attempt_count > 0;
+}
+
+// Which one is chosen next, of which recording.
+static void ask_choice(struct view_state *state, enum take_choice_asked asked)
+{
+    const bool before = view_state_lists_other(state);
+    state->compare.asked = asked;
+    const bool other = view_state_lists_other(state);
+    state->take_count = other ? state->compare.attempt_count : state->own_count;
+    if (other != before)
+        state->take = other ? 0 : state->compare.reference;
+}
+
 static void leave_comparison(struct view_state *state)
 {
     state->compare.wanted = false;
@@ -162,7 +179,7 @@ static void go_back(struct view_state *state)
     else if (state->page == PAGE_WATCH && state->moving)
         state->moving = false;
     else if (state->page == PAGE_TAKES && state->compare.asked)
-        state->compare.asked = CHOICE_NONE;
+        ask_choice(state, CHOICE_NONE);
     else if (state->page == PAGE_LIVE && state->live.of_takes)
         leave_comparison(state);
     else if (state->page == PAGE_LIVE && state->live.phase != LIVE_READY)
@@ -212,7 +229,7 @@ static bool do_anywhere(struct view_state *state, enum view_action action)
     case DO_TAKES:
         if (state->live.of_takes)
             leave_comparison(state);
-        state->compare.asked = CHOICE_NONE;
+        ask_choice(state, CHOICE_NONE);
         state->page = state->take_count > 0 ? PAGE_TAKES : state->page;
         state->sheet = SHEET_NONE;
         return true;
@@ -243,8 +260,9 @@ static void do_on_takes(struct view_state *state, enum view_action action)
         state->take = action == DO_TO_END ? state->take_count - 1 : 0;
     else if (action == DO_CHOOSE || action == DO_PLAY_PAUSE)
         view_state_choose_take(state, state->take);
-    else if ((action == DO_COMPARE || action == DO_MAP || action == DO_SCREENSHOT) && state->take_count > 1)
-        state->compare.asked = state->compare.asked ? CHOICE_NONE : CHOICE_REFERENCE;
+    else if ((action == DO_COMPARE || action == DO_MAP || action == DO_SCREENSHOT) &&
+             (state->take_count > 1 || state->compare.attempt_count))
+        ask_choice(state, state->compare.asked ? CHOICE_NONE : CHOICE_REFERENCE);
 }
 
 // True: the action concerned the playback.
@@ -399,15 +417,27 @@ void view_state_choose_take(struct view_state *state, int take)
         state->take_wanted = true;
     } else if (c->asked == CHOICE_REFERENCE) {
         c->reference = take;
-        c->asked = CHOICE_ATTEMPT;
-    } else if (take != c->reference) {
+        ask_choice(state, CHOICE_ATTEMPT);
+    } else if (take != c->reference || c->attempt_count) {
         c->attempt = take;
-        c->asked = CHOICE_NONE;
+        ask_choice(state, CHOICE_NONE);
         c->wanted = true;
         state->page = PAGE_LIVE;
         state->sheet = SHEET_NONE;
         live_state_compare_takes(&state->live, state->now_ns);
     }
+}
+
+void view_state_compare(struct view_state *state, int attempt_count)
+{
+    state->compare = (struct take_choice){.attempt_count = attempt_count};
+    state->page = PAGE_TAKES;
+    state->take_wanted = false;
+    ask_choice(state, CHOICE_REFERENCE);
+    if (state->own_count == 1)
+        view_state_choose_take(state, 0);
+    if (state->compare.asked == CHOICE_ATTEMPT && attempt_count == 1)
+        view_state_choose_take(state, 0);
 }
 
 void view_state_scrub(struct view_state *state, bool held, double share, int64_t now_ns)

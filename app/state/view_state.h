@@ -149,11 +149,13 @@ struct view_trim {
     bool wanted;            // asked for: the owner of the viewer cuts
 };
 
-// Two takes of the recording that are compared: chosen on PAGE_TAKES one after the other, shown by live's summary.
+// Two takes that are compared: chosen on PAGE_TAKES one after the other, shown by live's summary.
+enum take_choice_asked { CHOICE_NONE, CHOICE_REFERENCE, CHOICE_ATTEMPT };
 struct take_choice {
-    enum { CHOICE_NONE, CHOICE_REFERENCE, CHOICE_ATTEMPT } asked; // which one is chosen next
-    int reference, attempt;                                       // numbers of takes
-    bool wanted; // both are chosen: the owner compares them, and says so to live
+    enum take_choice_asked asked; // which one is chosen next
+    int reference, attempt;       // numbers of takes
+    int attempt_count;            // of the other recording, in which the attempt is; 0: it is in the same one
+    bool wanted;                  // both are chosen: the owner compares them, and says so to live
 };
 
 struct view_state {
@@ -161,7 +163,8 @@ struct view_state {
     enum view_sheet sheet;
     const char *trouble; // the sentence of PAGE_TROUBLE; borrowed
 
-    int take, take_count; // the selected take, and of how many
+    int take, take_count; // the selected take, and of how many, of those that are listed
+    int own_count;        // takes of the recording; take_count but while another recording's are listed
     int take_columns;     // as the page of takes shows them; 0: one
     bool take_wanted;     // `take` has to be opened
     struct take_choice compare;
@@ -254,6 +257,10 @@ void view_state_set_text_size(struct view_state *state, double size, int64_t now
 void view_state_set_error(struct view_state *state, double error_px);
 void view_state_set_yaw(struct view_state *state, double yaw_rad);
 void view_state_choose_take(struct view_state *state, int take); // to be opened, or as compare.asked says
+// Two takes are to be compared, the attempt one of another recording's attempt_count takes, or of the same one's (0).
+// Where there is one alone it is chosen.
+void view_state_compare(struct view_state *state, int attempt_count);
+bool view_state_lists_other(const struct view_state *state); // the other recording's takes
 
 void view_state_on_camera(struct view_state *state, const struct view_camera *camera, int64_t now_ns);
 void view_state_set_problem(struct view_state *state, const char *sentence); // NULL: resolved

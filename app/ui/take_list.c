@@ -40,7 +40,8 @@ static enum icon card_icon(const struct take_choice *choice, int number)
 {
     if (choice->asked == CHOICE_NONE)
         return ICON_PLAY;
-    return choice->asked == CHOICE_ATTEMPT && number == choice->reference ? ICON_CHECK : ICON_COMPARE;
+    return choice->asked == CHOICE_ATTEMPT && number == choice->reference && !choice->attempt_count ? ICON_CHECK
+                                                                                                    : ICON_COMPARE;
 }
 
 static void take_card(const struct brush *brush, struct view_state *state, struct screens *screens,
@@ -157,11 +158,11 @@ void screen_takes(const struct brush *brush, struct screens *screens, struct vie
     if (icon_button(brush, "takes-theme", theme_words(state->dark), BUTTON_RAISED, cut_right(&buttons, TARGET)))
         view_state_do(state, DO_THEME, now_ns);
     const struct take_choice *choice = &state->compare;
-    if (page->count > 1 && compare_button(brush, choice->asked != CHOICE_NONE, &buttons))
+    if ((page->count > 1 || choice->attempt_count) && compare_button(brush, choice->asked != CHOICE_NONE, &buttons))
         view_state_do(state, DO_COMPARE, now_ns);
     label(brush, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, takes_title(choice));
     snprintf(text, sizeof text, page->count == 1 ? "%s · one take" : "%s · %d takes", page->file, page->count);
-    if (choice->asked == CHOICE_ATTEMPT)
+    if (choice->asked == CHOICE_ATTEMPT && !choice->attempt_count)
         snprintf(text, sizeof text, "%.200s · the reference", page->cards[choice->reference].name);
     label(brush, FACE_BODY, (struct ui_box){head.x, head.y + 58, head.w, 28}, t->quiet, text);
     draw_cards(brush, screens, state, page, in);

@@ -78,6 +78,21 @@ static enum status open_recording(struct viewer *viewer)
     return status < 0 && status != ERR_CORRUPT ? status : OK; // a take can be watched without its place
 }
 
+// The other recording of two that are compared.
+static enum status open_other(struct viewer *viewer)
+{
+    struct viewer_shared *shared = &viewer->shared;
+    const char *with = shared->options.compare_with;
+    if (!with || file_is_same(with, shared->options.file))
+        return OK;
+    enum status status = recording_open(&shared->other, with);
+    if (status == OK)
+        status = take_list_open(&shared->attempts, shared->other, with);
+    if (status == OK && !shared->attempts.count)
+        status = fail(ERR_MISSING, "%s holds no take. Film one first.", with);
+    return status;
+}
+
 static void read_settings(struct viewer *viewer, int64_t now_ns)
 {
     struct settings settings = settings_of(&viewer->shared.state);
@@ -131,6 +146,8 @@ static enum status open_viewer(struct viewer *viewer)
     if (options->opening)
         options->opening(options->wake_self);
     status = open_recording(viewer);
+    if (status == OK)
+        status = open_other(viewer);
     if (status == ERR_DEVICE || status == ERR_MEMORY)
         return status;
     if (status != OK)
@@ -139,6 +156,8 @@ static enum status open_viewer(struct viewer *viewer)
     if (options->sensor)
         viewer->shared.state.live = live_state_start(options->camera);
     viewer->shared.state.live.mirrored = options->mirrored;
+    if (options->compare_with && status == OK)
+        view_state_compare(&viewer->shared.state, viewer->shared.attempts.count);
     if (status != OK)
         view_state_fail(&viewer->shared.state, viewer->trouble);
     return open_parts(viewer);
@@ -168,6 +187,8 @@ void viewer_close(struct viewer **viewer)
     take_view_close(&v->shared.take_view);
     take_judge_close(&v->judge);
     take_list_close(&v->shared.takes);
+    take_list_close(&v->shared.attempts);
+    recording_free(&v->shared.other);
     place_free(&v->shared.place);
     recording_free(&v->shared.recording);
     ui_close(&v->ui);
@@ -231,14 +252,16 @@ static bool update_takes(struct viewer *viewer)
     if (viewer->shared.state.page != PAGE_TAKES || !viewer->shared.recording)
         return false;
     const int64_t until_ns = clock_now_ns() + CARDS_NS;
+    const bool other = view_state_lists_other(&viewer->shared.state);
     enum status status = OK;
     while (status == OK && clock_now_ns() < until_ns) {
-        status = take_list_load(&viewer->shared.takes, viewer->shared.gpu, viewer->shared.recording,
+        status = take_list_load(other ? &viewer->shared.attempts : &viewer->shared.takes, viewer->shared.gpu,
+                                other ? viewer->shared.other : viewer->shared.recording,
                                 viewer->shared.screens.first_in_sight, viewer->shared.screens.end_in_sight);
         viewer->shared.state.changed |= status == OK;
     }
     adopt_verdict(viewer);
-    if (status == NOTHING)
+    if (status == NOTHING && !other)
         ask_for_verdict(viewer);
     return status == OK;
 }
@@ -526,8 +549,9 @@ static enum status draw_screen(struct viewer *viewer, int64_t now_ns)
 {
     const struct brush brush = {viewer->ui, theme_of(viewer->shared.state.dark), NULL};
     if (viewer->shared.state.page == PAGE_TAKES) {
-        const struct takes_page page = {viewer->shared.takes.file, viewer->shared.takes.cards,
-                                        viewer->shared.takes.count};
+        const struct take_list *list =
+            view_state_lists_other(&viewer->shared.state) ? &viewer->shared.attempts : &viewer->shared.takes;
+        const struct takes_page page = {list->file, list->cards, list->count};
         screen_takes(&brush, &viewer->shared.screens, &viewer->shared.state, &page, now_ns);
     } else if (viewer->shared.state.page == PAGE_TROUBLE ||
                (!viewer->shared.take_view && !viewer->shared.state.live.of_takes)) {
@@ -715,6 +739,7 @@ struct viewer_options viewer_options_again(const struct viewer *viewer)
     struct viewer_options again = viewer->shared.options;
     if (viewer->shared.take_view)
         again.take = viewer->shared.takes.cards[s->take].name;
+    again.compare_with = NULL; // one of the two takes may have been chosen, which is chosen again by hand
     again.light = !s->dark;
     again.text_size = s->text_size;
     again.detail_given = true;

@@ -19,12 +19,14 @@ enum room_drawing { ROOM_DRAWN_AS_FITS, ROOM_DRAWN_BY_WORKER, ROOM_DRAWN_BY_CARD
 
 struct viewer_options {
     const char *file;
-    const char *take;    // NULL: the only one, or the user chooses
-    const char *camera;  // URI; NULL: none
-    const char *sensor;  // URI of a depth sensor: do the move beside the actor; NULL: watch
-    bool no_body_points; // are looked for in the sensor's colour images
-    bool every_frame;    // a film as sensor leaves nothing out, however slow the machine
-    const char *photos;  // folder for screenshots; NULL: the user's pictures
+    const char *take;         // NULL: the only one, or the user chooses
+    const char *camera;       // URI; NULL: none
+    const char *compare_with; // another recording, or the same: two takes are to be compared, the reference one of
+                              // `file`'s and the attempt one of these; NULL: watch
+    const char *sensor;       // URI of a depth sensor: do the move beside the actor; NULL: watch
+    bool no_body_points;      // are looked for in the sensor's colour images
+    bool every_frame;         // a film as sensor leaves nothing out, however slow the machine
+    const char *photos;       // folder for screenshots; NULL: the user's pictures
     bool light, developer, fullscreen;
     double text_size;  // of view_text_sizes; 0: 1
     bool detail_given; // the actor is drawn as `detail`; else as the user chose last

@@ -253,6 +253,13 @@ static void show_failure(struct viewer_live *live, int64_t now_ns)
     live_state_on_result(&live->shared->state.live, &none, 0, now_ns);
 }
 
+// The take that was chosen as the attempt, of this recording or of the other one.
+static const char *attempt_name(const struct viewer_shared *shared)
+{
+    const struct take_list *list = shared->state.compare.attempt_count ? &shared->attempts : &shared->takes;
+    return list->cards[shared->state.compare.attempt].name;
+}
+
 // Two takes were chosen. While an earlier result is still being made they wait for it.
 static void compare_takes(struct viewer_live *live, int64_t now_ns)
 {
@@ -262,7 +269,10 @@ static void compare_takes(struct viewer_live *live, int64_t now_ns)
     choice->wanted = false;
     const struct takes_task task = {.path = live->shared->options.file,
                                     .reference = live->shared->takes.cards[choice->reference].name,
-                                    .attempt = live->shared->takes.cards[choice->attempt].name,
+                                    .attempt_path = live->shared->options.compare_with
+                                                        ? live->shared->options.compare_with
+                                                        : live->shared->options.file,
+                                    .attempt = attempt_name(live->shared),
                                     .number = live->shared->state.live.finished,
                                     .notify = live->shared->options.wake,
                                     .notify_self = live->shared->options.wake_self};
@@ -681,7 +691,7 @@ enum status viewer_live_draw(struct viewer_live *live, const struct viewer_surfa
         const struct take_choice *choice = &live->shared->state.compare;
         if (s->of_takes) {
             live->page.names[0] = live->shared->takes.cards[choice->reference].name;
-            live->page.names[1] = live->shared->takes.cards[choice->attempt].name;
+            live->page.names[1] = attempt_name(live->shared);
         }
         live->shared->image =
             (struct take_view_image){.lens = request->lens, .world_from_camera = request->world_from_camera};

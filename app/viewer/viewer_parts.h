@@ -14,6 +14,8 @@ struct viewer_shared {
     struct screens screens;
     struct recording *recording; // NULL: it could not be opened
     struct take_list takes;
+    struct recording *other;   // options.compare_with, where that is another one; else NULL
+    struct take_list attempts; // its takes
     struct place place;
     bool has_place;
     const struct camera_frame *frame; // set by the camera: the newest at the last update; NULL: none

@@ -37,6 +37,12 @@ const char *installed_text(const char *name, char out[INSTALLED_PATH_BYTES])
     return out;
 }
 
+const char *installed_sample(char out[INSTALLED_PATH_BYTES])
+{
+    static const char *const folders[] = {"../share/reenact"}; // a build folder has it where an installation has it
+    return find_file(folders, COUNT_OF(folders), "sample.reenact", out);
+}
+
 const char *installed_tool(const char *name, char out[INSTALLED_PATH_BYTES])
 {
     static const char *const folders[] = {"../libexec/reenact", "../../../tools"};

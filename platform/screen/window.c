@@ -24,6 +24,7 @@ struct window {
     SDL_atomic_t woken; // 1: a wake event is in the queue
     int quarter_turns;
     double requested_dpi;
+    char *dropped;   // SDL's; NULL: none
     bool types;      // text is typed (window_type)
     bool other_text; // what comes next as text is of a key that was pressed before it was
     struct worker_thread watch;
@@ -179,6 +180,7 @@ void window_close(struct window **out)
     for (int i = 0; i < MAX_PADS; i++)
         if (window->pads[i])
             SDL_GameControllerClose(window->pads[i]);
+    SDL_free(window->dropped);
     if (window->context)
         SDL_GL_DeleteContext(window->context);
     if (window->window)
@@ -422,6 +424,11 @@ static void translate_event(struct window *window, const SDL_Event *e, struct wi
         snprintf(out->text, sizeof out->text, "%s", e->text.text);
         window->other_text = false;
         break;
+    case SDL_DROPFILE:
+        SDL_free(window->dropped);
+        window->dropped = e->drop.file;
+        out->kind = WINDOW_DROPPED;
+        break;
     case SDL_WINDOWEVENT: translate_window(&e->window, out); break;
     case SDL_SYSWMEVENT: translate_system(&e->syswm, out); break;
     case SDL_APP_WILLENTERBACKGROUND: out->kind = WINDOW_HIDDEN; break;
@@ -477,6 +484,8 @@ void window_drop_input(struct window *window)
     for (size_t i = 0; i < COUNT_OF(kinds); i++)
         SDL_FlushEvents(kinds[i].first, kinds[i].last);
 }
+
+const char *window_dropped_file(const struct window *window) { return window->dropped ? window->dropped : ""; }
 
 void window_say(const char *title, const char *sentence)
 {

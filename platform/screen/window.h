@@ -53,6 +53,7 @@ enum window_event_kind {
     WINDOW_PAD_GONE,     // unplugged
     WINDOW_UNFOCUSED,    // keys go elsewhere, also to who locks the screen: what was held is held no more
     WINDOW_FOCUSED,      // keys come here; such as are down already may come as pressed at once
+    WINDOW_DROPPED,      // a file was dragged here: window_dropped_file
 };
 
 // Keys without a printable character, and space; other keys are their lower-case ASCII character.
@@ -102,6 +103,9 @@ struct window_event {
 
 // The next event; waits up to wait_ms for one, 0: does not wait.
 struct window_event window_wait(struct window *window, int wait_ms);
+
+// The file that was dropped last, until the next one is waited for; "": none.
+const char *window_dropped_file(const struct window *window);
 
 // Forgets the presses, touches and text that have come and were not yet waited for: whoever made them saw an older
 // picture. Keys that were released, motion and what the desktop says of the window stay.

@@ -64,7 +64,7 @@ static struct live_attempt compare(const char *reference, const char *attempt)
 {
     struct attempt_judge *judge;
     struct live_attempt out = {0};
-    const struct takes_task task = {path, reference, attempt, 5, notify, &told};
+    const struct takes_task task = {path, reference, path, attempt, 5, notify, &told};
     const int64_t until_ns = clock_now_ns() + 60 * (int64_t)1000000000;
     const int before = atomic_load(&told);
     EXPECT_STATUS(attempt_judge_start_takes(&judge, &task), OK);
@@ -130,7 +130,7 @@ static void test_what_cannot_be_compared_says_why(void **state)
         live_attempt_free(&a);
     }
     struct attempt_judge *judge;
-    const struct takes_task task = {path, "teacher", "pupil", 1, NULL, NULL};
+    const struct takes_task task = {path, "teacher", path, "pupil", 1, NULL, NULL};
     EXPECT_STATUS(attempt_judge_start_takes(&judge, &task), OK);
     attempt_judge_close(&judge); // while it is compared
     EXPECT_TRUE(!judge);
@@ -253,6 +253,40 @@ static void test_two_takes_are_chosen_by_keys(void **state)
     glass_close(&g);
 }
 
+// The attempt in another recording, whose takes are listed once the reference is chosen; back to this one's at the end.
+static void test_two_recordings(void **state)
+{
+    (void)state;
+    struct recording_writer *w;
+    struct glass g;
+    static char other[200];
+    struct exercise wrong = exercise_default();
+    wrong.seconds = 3;
+    wrong.right_elbow_rad = 0.7;
+    wrong.wrong_to_s = 3;
+    snprintf(other, sizeof other, "%s", sample_path("other.reenact"));
+    EXPECT_STATUS(recording_create(&w, other), OK);
+    write_take(w, "pupil", &wrong, true);
+    EXPECT_STATUS(recording_close(&w), OK);
+    const struct viewer_options options = {.file = path, .compare_with = other, .refresh_hz = 60};
+    glass_open(&g, 640, 400, &options);
+    glass_draw(&g);
+    EXPECT_INT(g.state->compare.asked, CHOICE_REFERENCE);
+    tap(&g, "take-1"); // the pupil of this one: back, and the teacher
+    EXPECT_TRUE(view_state_lists_other(g.state));
+    glass_press(&g, WINDOW_KEY_ESCAPE);
+    EXPECT_TRUE(g.state->compare.asked == CHOICE_NONE && g.state->take == 1 && g.state->take_count == 3);
+    glass_press(&g, 'c');
+    tap(&g, "take-0");
+    EXPECT_TRUE(view_state_lists_other(g.state) && g.state->take_count == 1);
+    EXPECT_TRUE(find_mark(&g, "other.reenact · one take") != NULL);
+    tap(&g, "take-0");
+    expect_result(&g);
+    glass_press(&g, WINDOW_KEY_ESCAPE);
+    EXPECT_TRUE(g.state->page == PAGE_TAKES && g.state->take_count == 3);
+    glass_close(&g);
+}
+
 // A result that comes after it was left is not shown; and the next two wait for it.
 static void test_it_is_left_while_it_compares(void **state)
 {
@@ -288,6 +322,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_what_cannot_be_compared_says_why),
         cmocka_unit_test(test_two_takes_are_chosen_by_touch),
         cmocka_unit_test(test_two_takes_are_chosen_by_keys),
+        cmocka_unit_test(test_two_recordings),
         cmocka_unit_test(test_it_is_left_while_it_compares),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);

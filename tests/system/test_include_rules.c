@@ -82,12 +82,15 @@ static const struct rule rules[] = {
     {"app/studio/",
      {"app/viewer/", "app/ui/", "reenact/render/", "capture/", "capture/coaching/", "capture/mapping/", "recording/",
       "platform/screen/", "platform/sensors/", "platform/files/", "base/"}},
-    {"app/commands/", {"app/studio/",      "app/drive/",        "app/viewer/",          "app/place/",
-                       "app/camera/",      "surround/filmed/",  "surround/drive/",      "surround/",
-                       "reenact/render/",  "reenact/export/",   "reenact/avatar/",      "compare/",
-                       "capture/",         "capture/coaching/", "capture/calibration/", "capture/mapping/",
-                       "objects/",         "locate/",           "recording/",           "platform/vision/",
-                       "platform/screen/", "platform/sensors/", "platform/files/",      "base/"}},
+    {"app/start/",
+     {"app/viewer/", "app/ui/", "app/state/", "reenact/render/", "recording/", "platform/screen/", "platform/files/",
+      "base/"}},
+    {"app/commands/",
+     {"app/start/",           "app/studio/",      "app/drive/",        "app/viewer/",     "app/place/",
+      "app/camera/",          "surround/filmed/", "surround/drive/",   "surround/",       "reenact/render/",
+      "reenact/export/",      "reenact/avatar/",  "compare/",          "capture/",        "capture/coaching/",
+      "capture/calibration/", "capture/mapping/", "objects/",          "locate/",         "recording/",
+      "platform/vision/",     "platform/screen/", "platform/sensors/", "platform/files/", "base/"}},
     {"tests/", {0}}, // all of them
 };
 

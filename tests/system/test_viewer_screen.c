@@ -119,6 +119,48 @@ static void test_wayland(void **state)
     end(&weston);
 }
 
+// Waits until that many pixels of the accent are in the box.
+static void expect_accent(int left, int top, int right, int bottom, int wanted)
+{
+    int accent = 0;
+    for (int i = 0; i < 600 * PROCESS_PATIENCE && accent < wanted; i++) {
+        clock_sleep_until_ns(clock_now_ns() + 100000000);
+        if (display_read(&display))
+            accent = display_count(&display, ACCENT, left, top, right, bottom);
+    }
+    print_message("%d pixels of the accent\n", accent);
+    EXPECT_AT_LEAST(accent, wanted);
+}
+
+// Without a file: the start screen, from which a recording is opened by touch, and to which one comes back.
+static void test_start_screen(void **state)
+{
+    (void)state;
+    enum { ESCAPE = 0xff1b }; // X11's keysym
+    char home[300];
+    int status;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    snprintf(home, sizeof home, "%s", scratch_file(&rehearsal.scratch, "home"));
+    EXPECT_STATUS(folder_make(scratch_file(&rehearsal.scratch, "home/Videos/Reenact")), OK);
+    EXPECT_INT(link(rehearsal.file, scratch_file(&rehearsal.scratch, "home/Videos/Reenact/turn.reenact")), 0);
+    setenv("HOME", home, 1);
+    setenv("XDG_STATE_HOME", home, 1);
+    const char *const arguments[] = {PROGRAM_DIR "/reenact", "--camera", "none", "--dpi", "149", NULL};
+    watcher = process_start(arguments);
+    expect_accent(30, 120, 250, 190, 3000); // Film
+    EXPECT_AT_LEAST(display_colors(&display, 30, 210, 480, 480), 60);
+    display_click(&display, 200, 300);
+    expect_accent(0, 200, WIDTH, HEIGHT, 1500); // of the takes
+    display_key(&display, ESCAPE);
+    expect_accent(30, 120, 250, 190, 3000);
+    EXPECT_TRUE(file_exists(scratch_file(&rehearsal.scratch, "home/reenact/recent")));
+    display_close_window(&display);
+    waitpid(watcher, &status, 0);
+    watcher = 0;
+    EXPECT_TRUE(WIFEXITED(status));
+    EXPECT_INT(WEXITSTATUS(status), 0);
+}
+
 static void test_missing_display_is_reported(void **state)
 {
     (void)state;
@@ -274,6 +316,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_x11),
+        cmocka_unit_test(test_start_screen),
         cmocka_unit_test(test_wayland),
         cmocka_unit_test(test_lost_graphics_context_is_recreated),
         cmocka_unit_test(test_driving_with_the_map_beside),
