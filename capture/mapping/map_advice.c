@@ -342,6 +342,12 @@ void map_advise(const struct place *place, const struct mapper_report *report, c
     if (*trouble->cut)
         add_advice_line(out, "%s: the map is of what was swept until then", trouble->cut);
     say_lens(place, report, out);
+    if (report->readout_s > 0)
+        add_advice_line(
+            out,
+            "the camera reads its pictures row by row, in %.0f ms: put \"readout_ms\": %.0f beside its lens "
+            "in calibration.json, so that cameras are located by it, too",
+            report->readout_s * 1e3, report->readout_s * 1e3);
     if (!place->point_count)
         add_advice_line(out, "there are no landmarks, so a camera is found only where it sees a tag; film "
                              "what can be recognised from two places");

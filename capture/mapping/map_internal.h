@@ -84,7 +84,8 @@ struct map {
     double rms_px, rms_m;
     void (*on_step)(void *self); // as in mapper_options
     void *self;
-    double expected_m; // rms_m, if depth were as exact as depth_absolute_sigma_m says
+    double expected_m;  // rms_m, if depth were as exact as depth_absolute_sigma_m says
+    bool found_readout; // the lens's readout_s was not given
 };
 
 // Reprojection error of a feature, pixels; p: its landmark in camera axes.
@@ -148,9 +149,12 @@ MUST_CHECK enum status map_joint_tag_covariance(struct map *map, double *tags);
 // Sets rms_px, rms_m, and each tag's rms_px and observations.
 void map_compute_residuals(struct map *map);
 
-// Rolling shutter: moves the observations of placed frames to where the camera at the middle row's time would have seen
+// ---- map_rolling_shutter.c
+// Moves the observations of placed frames to where the camera at the middle row's time would have seen
 // them, as far as the map and the neighbouring frames tell. Each map_bundle_adjust begins with it.
 void map_undo_rolling_shutter(struct map *map);
+// Of an adjusted map: whether its landmarks show that the camera takes longer to read an image than its lens says.
+bool map_shows_longer_readout(const struct map *map);
 
 // ---- map_landmarks.c: landmarks from ORB features (Rublee et al. 2011)
 // Buffers for one frame at a time.

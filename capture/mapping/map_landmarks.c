@@ -672,6 +672,58 @@ static enum status select_descriptors(struct map *map)
     return status;
 }
 
+// ---------------------------------------------------------------- read-out time
+
+// Where nobody gave the camera's read-out time and the sweep shows that there is one: that by which the adjusted map
+// has the least cost, of READOUT_TRIALS a step apart, between them by a parabola.
+static const double READOUT_STEP_S = 8e-3; // cameras have 10 to 33 ms
+static const double READOUT_GAIN = 0.01;   // of the cost, that it must save: chosen by hand
+enum { READOUT_TRIALS = 6, READOUT_FINE_TRIALS = 3 };
+
+// The lowest point of the parabola through three costs a step apart; from -1 to 1, of a step from the middle one.
+static double parabola_lowest(double before, double middle, double after)
+{
+    const double bend = before - 2 * middle + after;
+    return bend > 0 ? fmax(-1, fmin(1, 0.5 * (before - after) / bend)) : 0;
+}
+
+// Adjusts with read-out times from first_s on; the lens has the best one then. *gain: the share of the first one's cost
+// that it saves. Ends early where the cost rises.
+static enum status try_readouts(struct map *map, double first_s, double step_s, int trials, double *gain)
+{
+    double cost[READOUT_TRIALS];
+    int best = 0, tried = 0;
+    for (; tried < trials && tried <= best + 1; tried++) {
+        map->calibration.color.readout_s = first_s + tried * step_s;
+        const enum status status = map_bundle_adjust(map, REFINE_ROUNDS, false, &cost[tried]);
+        if (status != OK)
+            return status;
+        best = cost[tried] < cost[best] ? tried : best;
+    }
+    const bool inside = best > 0 && best + 1 < tried;
+    const double share = inside ? parabola_lowest(cost[best - 1], cost[best], cost[best + 1]) : 0;
+    map->calibration.color.readout_s = first_s + (best + share) * step_s;
+    *gain = cost[0] > 0 ? (cost[0] - cost[best]) / cost[0] : 0;
+    return OK;
+}
+
+static enum status settle_readout(struct map *map)
+{
+    double *readout_s = &map->calibration.color.readout_s, gain;
+    const double before_s = *readout_s;
+    if ((before_s > 0 && !map->found_readout) || map->has_prior || !map_shows_longer_readout(map))
+        return OK;
+    const double step_s = map->found_readout ? 0.5 * READOUT_STEP_S : READOUT_STEP_S;
+    const enum status status = try_readouts(map, map->found_readout ? before_s - step_s : 0, step_s,
+                                            map->found_readout ? READOUT_FINE_TRIALS : READOUT_TRIALS, &gain);
+    if (status != OK)
+        return status;
+    if (!map->found_readout && gain < READOUT_GAIN)
+        *readout_s = 0;
+    map->found_readout = *readout_s > 0;
+    return map_bundle_adjust(map, REFINE_ROUNDS, false, NULL);
+}
+
 enum status map_refine_landmarks(struct map *map, int32_t max)
 {
     struct map_scratch *d = malloc(sizeof *d);
@@ -688,6 +740,8 @@ enum status map_refine_landmarks(struct map *map, int32_t max)
         if (status == OK)
             status = round ? map_bundle_adjust(map, REFINE_ROUNDS, false, NULL)
                            : map_bundle_adjust_depth_scale(map, REFINE_ROUNDS);
+        if (status == OK)
+            status = settle_readout(map);
     }
     cull_outliers(map);
     if (!map->has_depth && status == OK)

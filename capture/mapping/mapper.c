@@ -353,6 +353,7 @@ static void report_tags(const struct mapper *mapper, struct mapper_report *repor
     }
     report->all_wrong_side = mapper->map.list_is_wrong;
     report->frames_seen = mapper->frames_seen;
+    report->readout_s = mapper->map.found_readout ? mapper->map.calibration.color.readout_s : 0;
     report->frames = mapper->map.frame_count;
     for (int32_t i = 0; i < mapper->map.frame_count; i++)
         report->frames_placed += mapper->map.frames[i].placed;

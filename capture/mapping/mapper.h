@@ -100,6 +100,7 @@ struct mapper_report {
     bool all_wrong_side; // most are, often by one factor, as when the printer scaled them: nothing of the list is left
                          // out
     struct lens_verdict lens; // the given one against the pictures
+    double readout_s;         // of the rolling shutter, as the landmarks show it where none was given; 0: none
     // Distances by the depth over those by the tags' listed sides and the lens, its fault taken out; 0: not known. Near
     // 1 if the depth's unit and the list are right.
     double depth_ratio;
