@@ -91,6 +91,7 @@ static int make(void **state)
     view_state_choose_take(glass.state, 0);
     glass_draw(&glass);
     glass_seek(&glass, 0);
+    glass.state->detail = DETAIL_FULL; // whatever is good enough at this size
     glass_prepare(&glass);
     glass_wait_idle(&glass);
     return 0;

@@ -13,6 +13,7 @@ extern const struct bench_stage bench_stage_smoothing;
 extern const struct bench_stage bench_stage_avatar;
 extern const struct bench_stage bench_stage_map;
 extern const struct bench_stage bench_stage_still;
+extern const struct bench_stage bench_stage_tum;
 extern const struct bench_stage bench_stage_views;
 extern const struct bench_stage bench_stage_held_out;
 extern const struct bench_stage bench_stage_prepare;
@@ -38,5 +39,6 @@ static const struct bench_stage *const bench_stages[] = {
     &bench_stage_held_out,     &bench_stage_prepare,  &bench_stage_draw,    &bench_stage_lod,
     &bench_stage_compare,      &bench_stage_attempts, &bench_stage_judging, &bench_stage_repetitions,
     &bench_stage_live,         &bench_stage_segment,  &bench_stage_color,   &bench_stage_record,
-    &bench_stage_open,         &bench_stage_surround, &bench_stage_filmed,  &bench_stage_stability,
+    &bench_stage_open,         &bench_stage_surround, &bench_stage_filmed,  &bench_stage_tum,
+    &bench_stage_stability,
 };

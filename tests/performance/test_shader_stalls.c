@@ -123,6 +123,7 @@ static int make(void **state)
     glass_open(&glass, GLASS_LONG, GLASS_SHORT, &options);
     glass_draw(&glass);
     glass_seek(&glass, 0);
+    glass.state->detail = DETAIL_FULL; // at every resolution
     glass_prepare(&glass);
     glass_wait_idle(&glass);
     if (strstr(gpu_renderer(glass.gpu), "llvmpipe"))

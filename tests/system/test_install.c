@@ -268,6 +268,13 @@ static void test_a_desktop_knows_recordings(void **state)
             print_error("%s\n", said.out);
         EXPECT_TRUE(!said.exit_code && !*said.out);
     }
+    snprintf(path, sizeof path, "%s/metainfo/io.github.reenact.reenact.metainfo.xml", share);
+    EXPECT_INT(access(path, R_OK), 0);
+    if (!access("/usr/bin/appstreamcli", X_OK)) {
+        const struct process_result said = PROCESS("/usr/bin/appstreamcli", "validate", "--no-net", path);
+        print_message("%s", said.out);
+        EXPECT_INT(said.exit_code, 0);
+    }
     snprintf(path, sizeof path, "%s/icons/hicolor/scalable/apps/reenact.svg", share);
     EXPECT_INT(access(path, R_OK), 0);
     if (access("/usr/bin/update-mime-database", X_OK) || access("/usr/bin/gio", X_OK))
