@@ -148,7 +148,7 @@ static void test_start_screen(void **state)
     const char *const arguments[] = {PROGRAM_DIR "/reenact", "--camera", "none", "--dpi", "149", NULL};
     watcher = process_start(arguments);
     expect_accent(30, 120, 250, 190, 3000); // Film
-    int colors = 0; // of the recording's picture, which comes after the first frame
+    int colors = 0;                         // of the recording's picture, which comes after the first frame
     for (int i = 0; i < 600 * PROCESS_PATIENCE && colors < 60; i++) {
         clock_sleep_until_ns(clock_now_ns() + 100000000);
         if (display_read(&display))
