@@ -76,7 +76,7 @@ static void test_lzfse_of_other_programs(void **state)
     }
     // Several blocks of several kinds.
     size_t first = from_hex(vectors[3].packed, packed) - 4;
-    memcpy(packed + first, packed, first + 4);
+    memmove(packed + first, packed, first + 4);
     EXPECT_STATUS(lzfse_decode(packed, 2 * first + 4, out, 2 * vectors[3].count), OK);
     for (int half = 0; half < 2; half++)
         EXPECT_INT(crc32_of(0, out + (size_t)half * vectors[3].count, vectors[3].count), vectors[3].crc);

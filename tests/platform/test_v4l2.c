@@ -2,7 +2,7 @@
 // nodes belong together, pixels, times, pairs, what is lost, and what goes wrong.
 #include "tests/support/test.h"
 
-#include "platform/sensors/source.h"
+#include "platform/sensors/source_internal.h"
 #include "platform/sensors/v4l2.h"
 #include "tests/support/scratch.h"
 
@@ -335,7 +335,7 @@ static void test_the_list_of_devices(void **state)
     plug();
     scratch_text(&scratch, "class/video0/idVendor", "8086\n");
     scratch_text(&scratch, "class/video0/idProduct", "0b07\n");
-    EXPECT_STATUS(source_devices(list, COUNT_OF(list), &count), OK);
+    EXPECT_STATUS(v4l2_devices(list, COUNT_OF(list), &count), OK);
     for (int i = 0; i < count; i++)
         if (!strcmp(list[i].uri, "v4l2:0"))
             found = i;
