@@ -56,7 +56,7 @@ static int set_up(void **state)
     EXPECT_STATUS(folder_make(in_home("config")), OK);
     EXPECT_STATUS(file_write(in_home("config/user-dirs.dirs"), "# ours\nXDG_VIDEOS_DIR=\"$HOME/Films\"\n", 36), OK);
     setenv("HOME", home, 1);
-    setenv("XDG_CONFIG_HOME", strdup(in_home("config")), 1);
+    setenv("XDG_CONFIG_HOME", in_home("config"), 1);
     unsetenv("USER");
     return gpu_open(&gpu) == OK ? 0 : -1;
 }
